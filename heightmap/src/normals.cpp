@@ -1,0 +1,1 @@
+#include "tubetrack/heightmap/surfel.hpp"

@@ -1,0 +1,32 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <cstdint>
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "tubetrack/sensors/error.hpp"
+
+namespace tubetrack {
+
+/// The true course of one tube in one frame, sampled every 2 mm.
+struct TrueTube {
+  std::int64_t id = 0;
+  double radius_m = 0.0;
+  std::vector<Eigen::Vector3d> centerline_m;  ///< in the frame that TruthFrame::frame_id names
+  std::vector<bool> visible;  ///< a sample is visible when ≥ half of its camera-facing profile has returns of this tube
+};
+
+/// One line of truth.jsonl.
+struct TruthFrame {
+  std::int64_t frame = 0;
+  double timestamp_s = 0.0;
+  std::string frame_id = "camera";
+  std::vector<TrueTube> tubes;
+};
+
+/// Reads a recording's truth.jsonl; the error names the line.
+Expected<std::vector<TruthFrame>> read_truth(const std::filesystem::path& path);
+
+}  // namespace tubetrack

@@ -1,0 +1,1 @@
+#include "tubetrack/replay/recording.hpp"

@@ -1,0 +1,1 @@
+#include "tubetrack/tracker/tube.hpp"

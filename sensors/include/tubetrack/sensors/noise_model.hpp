@@ -1,0 +1,33 @@
+#pragma once
+
+#include <string>
+#include <string_view>
+
+#include "tubetrack/sensors/error.hpp"
+
+namespace tubetrack {
+
+/// How far a depth sensor's reading strays from the truth, as data.
+/// σ_z = constant + quadratic (z − reference)² + grazing/√z · θ²/(π/2 − θ)²   (metres; θ the incidence, ≤ 85°),
+/// plus the lateral jitter σ_lateral z/f tan θ, plus the rounding of the disparity (or of the depth).
+struct NoiseModel {
+  std::string name = "kinect1";
+  double axial_constant_m = 0.0012;
+  double axial_quadratic_per_m = 0.0019;
+  double axial_reference_m = 0.4;
+  double axial_grazing = 0.0001;
+  double lateral_px = 0.5;
+  double disparity_step_px = 0.125;   ///< 0: the sensor does not measure disparity
+  double baseline_focal_m_px = 42.75; ///< baseline × focal length: 0.075 m × 570 px
+};
+
+/// kinect1, stereo or tof. Unknown names list the known ones.
+Expected<NoiseModel> noise_model_by_name(std::string_view name);
+
+/// σ of one depth reading along its ray's z (metres): axial and rounding parts, without lateral jitter.
+double axial_sigma_m(const NoiseModel& model, double depth_m, double incidence_rad);
+
+/// σ of one depth reading with the lateral jitter included (DESIGN §2, Fit).
+double depth_sigma_m(const NoiseModel& model, double depth_m, double incidence_rad, double focal_px);
+
+}  // namespace tubetrack

@@ -1,0 +1,1 @@
+#include <OpenNI.h>

@@ -1,0 +1,32 @@
+#pragma once
+
+#include <optional>
+
+#include "tubetrack/sensors/error.hpp"
+#include "tubetrack/sensors/noise_model.hpp"
+
+namespace tubetrack {
+
+/// Every setting of the tracker; the defaults here are the only ones. Keys of the JSON config have the same names.
+struct TrackerConfig {
+  double radius_min_m = 0.005;
+  double radius_max_m = 0.100;
+  std::optional<double> radius_m;  ///< known radius: held, not fitted
+  double depth_min_m = 0.15;
+  double depth_max_m = 10.0;
+  int roi_u_px = 0;  ///< region of interest; width or height 0: the whole image
+  int roi_v_px = 0;
+  int roi_width_px = 0;
+  int roi_height_px = 0;
+  double min_length_radii = 1.5;  ///< a shorter tube is not reported
+  double min_length_m = 0.020;    ///< nor one shorter than this
+  double min_width_px = 8.0;      ///< nor one narrower in the image
+  double cell_m = 0.003;          ///< grid step of the accumulation map
+  int threads = 1;
+  NoiseModel noise;
+};
+
+/// Names the first field out of its range, what it got and what it takes.
+Expected<void> validate(const TrackerConfig& config);
+
+}  // namespace tubetrack
