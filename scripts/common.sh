@@ -1,0 +1,72 @@
+# shellcheck shell=bash disable=SC2034
+# Sourced by the scripts beside it: the one list of Debian packages, and how a step is run and a failure told.
+
+# What the library, the command and the demo need.
+core_packages=(
+  cmake g++ ninja-build pkg-config
+  libcli11-dev libeigen3-dev libexpected-dev libfmt-dev libyaml-cpp-dev nlohmann-json3-dev
+  libopencv-core-dev libopencv-imgcodecs-dev libopencv-imgproc-dev
+)
+# Live back-ends, and what the tests use besides.
+test_packages=(libopenni2-dev libgmock-dev libgtest-dev librapidcheck-dev python3-jsonschema)
+# What .ci/run checks sources with.
+lint_packages=(clang-format-19 clang-tidy-19)
+
+script_name=scripts/${0##*/}
+fail() {
+  printf '%s: %s\n' "$script_name" "$1" >&2
+  exit 1
+}
+
+# step NAME LOG COMMAND…: runs it with its output in LOG; when it fails, shows the end of the log and stops.
+step() {
+  local name=$1 log=$2 start=$SECONDS status
+  shift 2
+  mkdir -p "$(dirname "$log")"
+  printf '%-34s ' "$name"
+  if "$@" >"$log" 2>&1 </dev/null; then
+    printf '%4d s\n' $((SECONDS - start))
+    return
+  else
+    status=$?
+  fi
+  printf 'FAILED\n'
+  tail -n 20 "$log" | sed 's/^/    /' >&2
+  fail "the step \"$name\" failed with exit code $status; all of its output: $log"
+}
+
+missing_packages() {
+  local package
+  for package in "$@"; do
+    [[ $(dpkg-query -W -f '${db:Status-Status}' "$package" 2>/dev/null) == installed ]] || printf '%s\n' "$package"
+  done
+}
+
+# install_missing LOG_DIR PACKAGE…: as root, or through sudo; where neither can be, says the line to type.
+install_missing() {
+  local logs=$1 missing as_root=()
+  shift
+  if ! command -v apt-get >/dev/null; then
+    printf 'no apt-get here: these Debian packages, or what they are called on this system, must be there:\n  %s\n' "$*"
+    return
+  fi
+  mapfile -t missing < <(missing_packages "$@")
+  if [[ ${#missing[@]} == 0 ]]; then
+    printf 'packages: all there\n'
+    return
+  fi
+  if [[ $(id -u) != 0 ]]; then
+    # At a terminal sudo may ask for the password (it talks to the terminal itself); elsewhere nobody could answer.
+    if command -v sudo >/dev/null && { [[ -t 0 ]] || sudo -n true 2>/dev/null; }; then
+      as_root=(sudo)
+    else
+      fail "packages are missing and this is neither root nor a user with sudo; as root, type:
+  apt-get install --no-install-recommends ${missing[*]}"
+    fi
+  fi
+  printf 'packages to install: %s\n' "${missing[*]}"
+  local apt=("${as_root[@]}" env DEBIAN_FRONTEND=noninteractive apt-get -y -o DPkg::Lock::Timeout=300)
+  step "apt-get update" "$logs/apt-update.log" "${apt[@]}" update
+  step "apt-get install" "$logs/apt-install.log" "${apt[@]}" install --no-install-recommends "${missing[@]}"
+  grep -E '^(Need to get|After this operation)' "$logs/apt-install.log" | sed 's/^/    /' || true
+}
