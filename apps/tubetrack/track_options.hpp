@@ -1,0 +1,38 @@
+#pragma once
+
+#include <CLI/CLI.hpp>
+#include <string>
+
+#include "run.hpp"
+#include "tubetrack/replay/recording.hpp"
+#include "tubetrack/tracker/tracker_config.hpp"
+
+namespace tubetrack {
+
+/// The flags as typed: empty where not given. They are read here, not by CLI11, so that a malformed value gives one
+/// line with the flag, the value and the form it takes.
+struct TrackOptions {
+  std::string radius, radius_range, config, threads, map, noise, depth_range, roi;
+  std::string out, overlay;
+  bool no_timing = false, strict = false, quiet = false, print_config = false;
+};
+
+/// Flags about what is tracked: --radius, --radius-range, --config, --threads, --map, --noise, --depth-range, --roi,
+/// --print-config.
+void add_tracker_flags(CLI::App& command, TrackOptions& options);
+/// Flags about what comes out: --out, --overlay, --no-timing, --strict, --quiet.
+void add_output_flags(CLI::App& command, TrackOptions& options);
+
+/// Defaults, then --config, then the flags; validated. Errors are of kind usage and name the flag.
+Expected<TrackerConfig> tracker_config_from(const TrackOptions& options);
+/// The output flags, and the smallest radius for the check against the scene.
+RunOptions run_options_from(const TrackOptions& options, const TrackerConfig& config);
+
+/// Flags about how a recording is read: --frames, --pace, --intrinsics, --depth-scale.
+struct RecordingFlags {
+  std::string frames, pace, intrinsics, depth_scale;
+};
+void add_recording_flags(CLI::App& command, RecordingFlags& flags);
+Expected<RecordingOptions> recording_options_from(const RecordingFlags& flags);
+
+}  // namespace tubetrack
