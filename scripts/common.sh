@@ -66,7 +66,10 @@ install_missing() {
   fi
   printf 'packages to install: %s\n' "${missing[*]}"
   local apt=("${as_root[@]}" env DEBIAN_FRONTEND=noninteractive apt-get -y -o DPkg::Lock::Timeout=300)
-  step "apt-get update" "$logs/apt-update.log" "${apt[@]}" update
+  # A source that cannot be read need not be one of those that matter here.
+  mkdir -p "$logs"
+  "${apt[@]}" -o APT::Update::Error-Mode=any update >"$logs/apt-update.log" 2>&1 </dev/null ||
+    printf 'apt-get update could not read every source: %s\n' "$logs/apt-update.log"
   step "apt-get install" "$logs/apt-install.log" "${apt[@]}" install --no-install-recommends "${missing[@]}"
   grep -E '^(Need to get|After this operation)' "$logs/apt-install.log" | sed 's/^/    /' || true
 }
