@@ -1,0 +1,170 @@
+#include "recording_player.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdlib>
+#include <fstream>
+#include <iterator>
+#include <optional>
+#include <sstream>
+#include <string_view>
+#include <utility>
+
+namespace tubetrack {
+
+namespace {
+
+constexpr std::chrono::milliseconds kPoll{2};
+
+tl::unexpected<Error> refuse(const char* variable, const std::string& got, const char* takes) {
+  return tl::make_unexpected(Error::usage(fmt::format("{}: got '{}', takes {}", variable, got, takes)));
+}
+
+std::optional<std::string> environment(const char* variable) {
+  const char* value = std::getenv(variable);
+  if (value == nullptr || *value == '\0') return {};
+  return value;
+}
+
+/// All of `text` as finite numbers between commas; empty when it isn't that.
+std::vector<double> numbers(const std::string& text) {
+  std::vector<double> values;
+  std::istringstream in(text);
+  for (std::string field; std::getline(in, field, ',');) {
+    char* end = nullptr;
+    values.push_back(std::strtod(field.c_str(), &end));
+    if (field.empty() || *end != '\0' || !std::isfinite(values.back())) return {};
+  }
+  return values;
+}
+
+std::int64_t count_lines(const std::filesystem::path& path) {
+  std::ifstream in(path, std::ios::binary);
+  return std::count(std::istreambuf_iterator<char>(in), {}, '\n');
+}
+
+Expected<AtEnd> at_end_by_name(const std::string& name) {
+  if (name == "repeat") return AtEnd::repeat;
+  if (name == "stall") return AtEnd::stall;
+  if (name == "unplug") return AtEnd::unplug;
+  return refuse("TUBETRACK_VIRTUAL_AT_END", name, "repeat, stall or unplug");
+}
+
+}  // namespace
+
+Expected<PlayerSettings> player_settings_from_environment() {
+  PlayerSettings settings;
+  settings.recording = environment("TUBETRACK_VIRTUAL_DEVICE").value_or("");
+  settings.lockstep = environment("TUBETRACK_VIRTUAL_LOCKSTEP").value_or("");
+  if (const auto text = environment("TUBETRACK_VIRTUAL_INTRINSICS")) {
+    const auto values = numbers(*text);
+    if (values.size() != 4) return refuse("TUBETRACK_VIRTUAL_INTRINSICS", *text, "fx,fy,cx,cy in pixels");
+    settings.options.intrinsics_px = {values[0], values[1], values[2], values[3]};
+  }
+  if (const auto text = environment("TUBETRACK_VIRTUAL_DEPTH_SCALE")) {
+    const auto values = numbers(*text);
+    if (values.size() != 1) return refuse("TUBETRACK_VIRTUAL_DEPTH_SCALE", *text, "metres per unit");
+    settings.options.metres_per_unit = values[0];
+  }
+  if (const auto text = environment("TUBETRACK_VIRTUAL_SPEED")) {
+    const auto values = numbers(*text);
+    if (values.size() != 1 || values[0] <= 0.0) return refuse("TUBETRACK_VIRTUAL_SPEED", *text, "a factor above 0");
+    settings.speed = values[0];
+  }
+  if (const auto text = environment("TUBETRACK_VIRTUAL_AT_END")) {
+    const auto at_end = at_end_by_name(*text);
+    if (!at_end) return tl::make_unexpected(at_end.error());
+    settings.at_end = *at_end;
+  }
+  return settings;
+}
+
+void write_pixels(const DepthFrame& frame, const OutputFormat& format, std::uint16_t* out) {
+  const double factor = frame.metres_per_unit / format.metres_per_unit;
+  const bool same_unit = std::abs(factor - 1.0) < 1e-9;
+  for (int v = 0; v < format.height; ++v) {
+    const std::uint16_t* row = frame.row(format.origin_v + v);
+    for (int i = 0; i < format.width; ++i) {
+      const int u = format.origin_u + i;
+      const std::uint16_t value = row[format.mirrored ? frame.width - 1 - u : u];
+      if (same_unit) {
+        *out++ = value;
+      } else {
+        const double scaled = std::round(value * factor);
+        *out++ = scaled <= 65535.0 ? static_cast<std::uint16_t>(scaled) : std::uint16_t{0};
+      }
+    }
+  }
+}
+
+RecordingPlayer::RecordingPlayer(PlayerSettings settings, std::function<void(const DepthFrame&)> on_frame,
+                                 std::function<void()> on_end)
+    : settings_(std::move(settings)),
+      on_frame_(std::move(on_frame)),
+      on_end_(std::move(on_end)),
+      started_(Clock::now()),
+      thread_([this](const std::stop_token& stop) { run(stop); }) {}
+
+RecordingPlayer::~RecordingPlayer() = default;
+
+void RecordingPlayer::run(const std::stop_token& stop) {
+  while (!stop.stop_requested()) {
+    // Opened again each round: a source can't be wound back. It opened before, so if it fails now it is gone: stall.
+    auto recording = open_recording(settings_.recording, settings_.options);
+    if (!recording || play_once(*recording->source, stop) == 0) return;
+    if (settings_.at_end == AtEnd::unplug && !stop.stop_requested()) on_end_();
+    if (settings_.at_end != AtEnd::repeat) return;
+  }
+}
+
+std::int64_t RecordingPlayer::play_once(FrameSource& source, const std::stop_token& stop) {
+  const std::int64_t sent_before = sent_;
+  const std::int64_t first_index = next_index_;
+  std::optional<double> first_timestamp_s;
+  double last_timestamp_s = 0.0;
+  DepthFrame frame;
+  while (!stop.stop_requested()) {
+    const FrameOutcome outcome = source.next(frame, std::chrono::milliseconds{1000});
+    if (outcome == FrameOutcome::end_of_stream || outcome == FrameOutcome::device_lost) break;
+    if (outcome != FrameOutcome::ok) continue;
+    if (!first_timestamp_s) {
+      first_timestamp_s = frame.timestamp_s;
+      if (sent_ == 0) first_timestamp_s_ = next_timestamp_s_ = frame.timestamp_s;
+      offset_s_ = next_timestamp_s_ - frame.timestamp_s;
+    }
+    last_timestamp_s = frame.timestamp_s;
+    frame.timestamp_s += offset_s_;
+    frame.index += first_index;
+    wait_for_turn(frame.timestamp_s, stop);
+    if (stop.stop_requested()) break;
+    on_frame_(frame);
+    ++sent_;
+    next_index_ = frame.index + 1;
+  }
+  const std::int64_t sent = sent_ - sent_before;
+  if (sent > 0) {
+    // A repeat follows at the recording's mean pace.
+    const double round_s = last_timestamp_s - *first_timestamp_s;
+    const double interval_s = sent > 1 ? round_s / static_cast<double>(sent - 1) : 1.0 / 30.0;
+    next_timestamp_s_ = last_timestamp_s + offset_s_ + interval_s;
+  }
+  return sent;
+}
+
+void RecordingPlayer::wait_for_turn(double timestamp_s, const std::stop_token& stop) {
+  if (!settings_.lockstep.empty()) {
+    while (!stop.stop_requested() && count_lines(settings_.lockstep) < sent_) wait_until(Clock::now() + kPoll, stop);
+    return;
+  }
+  const std::chrono::duration<double> since_first((timestamp_s - first_timestamp_s_) / settings_.speed);
+  wait_until(started_ + std::chrono::duration_cast<Clock::duration>(since_first), stop);
+}
+
+void RecordingPlayer::wait_until(Clock::time_point due, const std::stop_token& stop) {
+  std::unique_lock lock(mutex_);
+  wake_.wait_until(lock, stop, due, [] { return false; });
+}
+
+}  // namespace tubetrack
