@@ -1,1 +1,49 @@
-int main() { return 2; }
+#include <fmt/format.h>
+
+#include <exception>
+
+#include "commands.hpp"
+
+namespace {
+
+constexpr const char* kHelp =
+    R"(tubetrack follows tubes, pipes, hoses and cables in the stream of a depth camera: for every frame it says where each
+tube's centreline runs and how thick the tube is. All lengths are in metres.)";
+
+constexpr const char* kFooter = R"(Start with:  tubetrack replay RECORDING --overlay pictures/ > tubes.jsonl
+Each command explains itself:  tubetrack replay --help)";
+
+int run(int argc, char** argv) {
+  CLI::App app(kHelp, "tubetrack");
+  int exit_code = 0;
+  app.set_version_flag("--version", std::string("tubetrack ") + TUBETRACK_VERSION, "print the version and end");
+  app.footer(kFooter);
+  app.require_subcommand(0, 1);
+  tubetrack::add_replay(app, exit_code);
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::Success& success) {  // --help, --version
+    return app.exit(success);
+  } catch (const CLI::ParseError& problem) {
+    const auto chosen = app.get_subcommands();
+    const std::string name = chosen.empty() ? "tubetrack" : "tubetrack " + chosen.front()->get_name();
+    fmt::print(stderr, "tubetrack: {}; see {} --help\n", problem.what(), name);
+    return 2;
+  }
+  if (app.get_subcommands().empty()) {
+    fmt::print(stderr, "{}", app.help());
+    return 2;
+  }
+  return exit_code;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  try {
+    return run(argc, argv);
+  } catch (const std::exception& problem) {
+    fmt::print(stderr, "tubetrack: {}\n", problem.what());
+    return 1;
+  }
+}

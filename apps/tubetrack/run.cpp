@@ -1,0 +1,321 @@
+#include "run.hpp"
+
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <atomic>
+#include <cerrno>
+#include <chrono>
+#include <csignal>
+#include <cstdio>
+#include <cstring>
+#include <memory>
+#include <thread>
+#include <utility>
+#include <vector>
+
+#include "tubetrack/report/overlay.hpp"
+#include "tubetrack/report/result_json.hpp"
+#include "tubetrack/report/summary.hpp"
+#include "tubetrack/sensors/frame_queue.hpp"
+
+namespace tubetrack {
+
+namespace {
+
+constexpr std::chrono::milliseconds kPatience{100};  ///< how long Ctrl-C may have to wait for a silent source
+
+std::atomic<bool> g_interrupted{false};
+static_assert(std::atomic<bool>::is_always_lock_free, "set from a signal handler");
+
+/// The result lines' way out: stdout or a file, each line flushed whole.
+class LineWriter {
+ public:
+  static Expected<LineWriter> open(const std::filesystem::path& path) {
+    LineWriter writer;
+    if (path.empty()) return writer;
+    writer.name_ = path.string();
+    writer.file_.reset(std::fopen(path.c_str(), "w"));
+    if (writer.file_) return writer;
+    return tl::make_unexpected(
+        Error::usage(fmt::format("--out {}: {}; give a file in an existing folder", path.string(), std::strerror(errno))));
+  }
+
+  Expected<void> write(std::string line) {
+    line += '\n';
+    std::FILE* const file = file_ ? file_.get() : stdout;
+    if (std::fwrite(line.data(), 1, line.size(), file) == line.size() && std::fflush(file) == 0) {
+      ++lines_;
+      return {};
+    }
+    return tl::make_unexpected(
+        Error::failed(fmt::format("{}: {}; {} lines were written whole", name_, std::strerror(errno), lines_)));
+  }
+
+ private:
+  struct Close {
+    void operator()(std::FILE* file) const { std::fclose(file); }
+  };
+  std::unique_ptr<std::FILE, Close> file_;
+  std::string name_ = "stdout";
+  std::int64_t lines_ = 0;
+};
+
+/// A bar on a terminal, nothing elsewhere.
+class Progress {
+ public:
+  Progress(bool quiet, std::optional<std::int64_t> total) : shown_(!quiet && isatty(STDERR_FILENO) != 0), total_(total) {}
+  ~Progress() { clear(); }
+  Progress(const Progress&) = delete;
+  Progress& operator=(const Progress&) = delete;
+
+  void show(const RunSummary& summary) {
+    const auto now = std::chrono::steady_clock::now();
+    if (!shown_ || now - last_ < std::chrono::milliseconds(100)) return;
+    last_ = now;
+    std::string text = fmt::format("frame {}", summary.frames);
+    if (total_ && *total_ > 0) {
+      constexpr std::int64_t kWidth = 30;
+      const auto done = static_cast<std::size_t>(std::min(kWidth, kWidth * summary.frames / *total_));
+      text = fmt::format("[{}{}] {}/{}", std::string(done, '#'), std::string(kWidth - done, ' '), summary.frames, *total_);
+    }
+    fmt::print(stderr, "\r\x1b[K{}  tubes {}  bad {}  dropped {}", text, summary.tubes.size(), bad_frames(summary),
+               summary.dropped);
+    std::fflush(stderr);
+    drawn_ = true;
+  }
+
+  void clear() {
+    if (std::exchange(drawn_, false)) fmt::print(stderr, "\r\x1b[K");
+  }
+
+ private:
+  bool shown_;
+  bool drawn_ = false;
+  std::optional<std::int64_t> total_;
+  std::chrono::steady_clock::time_point last_;
+};
+
+/// Owns its pixels afterwards: a queued frame outlives the source's next call.
+DepthFrame kept(const DepthFrame& frame) {
+  if (frame.keep_alive || frame.pixels == nullptr) return frame;
+  auto pixels = std::make_shared<std::vector<std::uint16_t>>();
+  pixels->reserve(static_cast<std::size_t>(frame.width) * static_cast<std::size_t>(frame.height));
+  for (int v = 0; v < frame.height; ++v) pixels->insert(pixels->end(), frame.row(v), frame.row(v) + frame.width);
+  DepthFrame copy = frame;
+  copy.pixels = pixels->data();
+  copy.stride_bytes = static_cast<std::size_t>(frame.width) * sizeof(std::uint16_t);
+  copy.keep_alive = std::move(pixels);
+  return copy;
+}
+
+/// Frames one after the other, straight from the source or through a queue that a second thread fills.
+class Feed {
+ public:
+  Feed(FrameSource& source, const RunOptions& options)
+      : source_(source), options_(options), queue_(options.queue_frames) {
+    if (options_.realtime) thread_ = std::thread([this] { capture(); });
+  }
+  ~Feed() {
+    stop_ = true;
+    queue_.close();
+    if (thread_.joinable()) thread_.join();
+  }
+  Feed(const Feed&) = delete;
+  Feed& operator=(const Feed&) = delete;
+
+  /// The next frame; outcome `timeout` where none came within kPatience.
+  Expected<QueuedFrame> next() {
+    if (!options_.realtime) return fetch();
+    QueuedFrame item;
+    if (!queue_.pop(item, kPatience)) item.outcome = FrameOutcome::timeout;
+    // Written by the capturing thread before it pushed device_lost, so that the queue's lock orders the two.
+    if (item.outcome == FrameOutcome::device_lost && tap_error_) return tl::make_unexpected(*tap_error_);
+    return item;
+  }
+
+  std::int64_t dropped() const { return source_dropped_ + queue_.dropped(); }
+
+ private:
+  Expected<QueuedFrame> fetch() {
+    QueuedFrame item;
+    item.outcome = source_.next(item.frame, kPatience);
+    source_dropped_ = source_.dropped();
+    if (item.outcome == FrameOutcome::corrupt || item.outcome == FrameOutcome::device_lost) {
+      item.problem = source_.last_problem();
+    }
+    if (item.outcome == FrameOutcome::ok && options_.on_frame) {
+      if (auto seen = options_.on_frame(item.frame); !seen) return tl::make_unexpected(seen.error());
+    }
+    return item;
+  }
+
+  void capture() {
+    while (!stop_) {
+      auto item = fetch();
+      if (!item) {
+        tap_error_ = std::move(item.error());
+        queue_.push({FrameOutcome::device_lost, {}, {}});
+        return;
+      }
+      if (item->outcome == FrameOutcome::timeout) continue;
+      const bool last = item->outcome == FrameOutcome::end_of_stream || item->outcome == FrameOutcome::device_lost;
+      if (item->outcome == FrameOutcome::ok) item->frame = kept(item->frame);
+      queue_.push(std::move(*item));
+      if (last) return;
+    }
+  }
+
+  FrameSource& source_;
+  const RunOptions& options_;
+  FrameQueue queue_;
+  std::thread thread_;
+  std::atomic<bool> stop_{false};
+  std::atomic<std::int64_t> source_dropped_{0};  ///< read on the source's own thread
+  std::optional<Error> tap_error_;
+};
+
+Expected<void> check_radius(double radius_m, const DepthFrame& frame, const std::string& name) {
+  const double depth_m = median_depth_m(frame);
+  if (radius_m <= 0.0 || depth_m <= 0.0 || radius_m < depth_m) return {};
+  return tl::make_unexpected(Error::usage(
+      fmt::format("radius {:g} m: larger than the scene, {} is {:.2f} m away (median); give metres, like --radius 0.02",
+                  radius_m, name, depth_m)));
+}
+
+struct Run {
+  FrameSource& source;
+  TubeTracker& tracker;
+  const RunOptions& options;
+  LineWriter writer;
+  Feed feed;
+  Progress progress;
+  RunSummary summary;
+  bool radius_checked = false;
+};
+
+Expected<void> handle(Run& run, const QueuedFrame& item) {
+  const StreamInfo& info = run.source.info();
+  if (item.outcome == FrameOutcome::ok && !std::exchange(run.radius_checked, true)) {
+    if (auto fits = check_radius(run.options.smallest_radius_m, item.frame, info.name); !fits) return fits;
+  }
+  TubeFrame result = track_or_explain(item.outcome, item.frame, item.problem, info, run.tracker);
+  result.dropped = run.feed.dropped();
+  add_frame(run.summary, result);
+  if (auto written = run.writer.write(result_line(result, run.options.with_timing)); !written) return written;
+  if (!run.options.overlay_dir.empty() && item.frame.pixels != nullptr) {
+    const auto path = run.options.overlay_dir / fmt::format("{:06}.png", result.frame);
+    if (auto written = write_overlay(path, item.frame, info.intrinsics, result); !written) return written;
+  }
+  run.progress.show(run.summary);
+  return {};
+}
+
+/// Until the end of the stream or Ctrl-C.
+Expected<void> loop(Run& run) {
+  while (!interrupted()) {
+    auto item = run.feed.next();
+    if (!item) return tl::make_unexpected(item.error());
+    if (item->outcome == FrameOutcome::timeout) continue;
+    if (item->outcome == FrameOutcome::end_of_stream) return {};
+    if (item->outcome == FrameOutcome::device_lost) {
+      return tl::make_unexpected(
+          Error::failed(fmt::format("{}: {}; the {} frames before are written", run.source.info().name,
+                                    item->problem.empty() ? "lost" : item->problem, run.summary.frames)));
+    }
+    if (auto handled = handle(run, *item); !handled) return handled;
+  }
+  return {};
+}
+
+int exit_code_of(const Run& run) {
+  const std::int64_t bad = bad_frames(run.summary);
+  if (interrupted()) return run.options.interrupted_exit_code;
+  const std::string& name = run.source.info().name;
+  if (run.summary.frames == 0) return report_error(Error::failed(fmt::format("{}: not one frame came", name)));
+  if (bad == run.summary.frames) {
+    return report_error(
+        Error::failed(fmt::format("{}: all {} frames are bad, see \"error\" in their lines", name, bad)));
+  }
+  if (run.options.strict && bad > 0) {
+    return report_error(
+        Error::failed(fmt::format("{}: --strict, and {} of {} frames are bad", name, bad, run.summary.frames)));
+  }
+  return 0;
+}
+
+Expected<void> make_folder(const std::filesystem::path& path) {
+  std::error_code problem;
+  std::filesystem::create_directories(path, problem);
+  if (!problem && std::filesystem::is_directory(path)) return {};
+  return tl::make_unexpected(Error::usage(fmt::format("--overlay {}: {}; give a folder that can be made and written",
+                                                      path.string(), problem ? problem.message() : "is no folder")));
+}
+
+}  // namespace
+
+int report_error(const Error& error) {
+  fmt::print(stderr, "tubetrack: {}\n", error.message);
+  return error.kind == Error::Kind::usage ? 2 : 1;
+}
+
+void catch_interrupts() {
+  g_interrupted = false;
+  struct sigaction action = {};
+  action.sa_handler = [](int) { g_interrupted = true; };
+  action.sa_flags = static_cast<int>(SA_RESETHAND);  // a second Ctrl-C ends the program
+  sigaction(SIGINT, &action, nullptr);
+  sigaction(SIGTERM, &action, nullptr);
+}
+
+bool interrupted() { return g_interrupted; }
+
+double median_depth_m(const DepthFrame& frame) {
+  std::vector<std::uint16_t> values;
+  for (int v = 0; frame.pixels != nullptr && v < frame.height; v += 4) {
+    for (int u = 0; u < frame.width; u += 4) {
+      if (frame.row(v)[u] != 0) values.push_back(frame.row(v)[u]);
+    }
+  }
+  if (values.empty()) return 0.0;
+  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle * frame.metres_per_unit;
+}
+
+TubeFrame track_or_explain(FrameOutcome outcome, const DepthFrame& frame, const std::string& problem,
+                           const StreamInfo& info, TubeTracker& tracker) {
+  if (outcome == FrameOutcome::ok && !frame.pose_missing) {
+    const auto start = std::chrono::steady_clock::now();
+    TubeFrame result = tracker.track(frame);
+    result.latency_ms = std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count();
+    return result;
+  }
+  TubeFrame result;
+  result.frame = frame.index;
+  result.timestamp_s = frame.timestamp_s;
+  result.frame_id = info.has_poses ? "world" : "camera";
+  result.status = outcome == FrameOutcome::ok ? TrackStatus::no_pose : TrackStatus::corrupt;
+  result.problem = outcome == FrameOutcome::ok
+                       ? fmt::format("no pose within 20 ms of {:.6f} s in groundtruth.txt", frame.timestamp_s)
+                       : problem;
+  return result;
+}
+
+int run_tracker(FrameSource& source, TubeTracker& tracker, const RunOptions& options) {
+  auto writer = LineWriter::open(options.out);
+  if (!writer) return report_error(writer.error());
+  if (!options.overlay_dir.empty()) {
+    if (auto made = make_folder(options.overlay_dir); !made) return report_error(made.error());
+  }
+  catch_interrupts();
+  Run run{source, tracker, options, std::move(*writer), {source, options}, {options.quiet, source.info().frame_count}, {}};
+  const auto ended = loop(run);
+  run.progress.clear();
+  if (!options.quiet && run.summary.frames > 0) fmt::print(stderr, "{}", summary_text(run.summary));
+  if (!ended) return report_error(ended.error());
+  return exit_code_of(run);
+}
+
+}  // namespace tubetrack
