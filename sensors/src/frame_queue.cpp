@@ -8,6 +8,8 @@ namespace tubetrack {
 FrameQueue::FrameQueue(std::size_t capacity) : capacity_(std::max<std::size_t>(capacity, 1)) {}
 
 void FrameQueue::push(QueuedFrame item) {
+  // "Nothing yet" is no news to whoever waits here; queued, it would grow without bound.
+  if (item.outcome == FrameOutcome::timeout) return;
   {
     const std::lock_guard lock(mutex_);
     if (closed_) return;

@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 
 #include <Eigen/Geometry>
-
 #include <algorithm>
 #include <cmath>
 
@@ -16,8 +15,7 @@ Eigen::Vector2d distort(const std::array<double, 8>& k, const Eigen::Vector2d& i
   const double x = ideal.x();
   const double y = ideal.y();
   const double r2 = x * x + y * y;
-  const double radial =
-      (1.0 + r2 * (k[0] + r2 * (k[1] + r2 * k[4]))) / (1.0 + r2 * (k[5] + r2 * (k[6] + r2 * k[7])));
+  const double radial = (1.0 + r2 * (k[0] + r2 * (k[1] + r2 * k[4]))) / (1.0 + r2 * (k[5] + r2 * (k[6] + r2 * k[7])));
   return {x * radial + 2.0 * k[2] * x * y + k[3] * (r2 + 2.0 * x * x),
           y * radial + k[2] * (r2 + 2.0 * y * y) + 2.0 * k[3] * x * y};
 }
@@ -65,7 +63,12 @@ Eigen::Vector2d normalized_ray(const Intrinsics& in, double u_px, double v_px) {
   const Eigen::Vector2d seen((u_px - in.cx_px) / in.fx_px, (v_px - in.cy_px) / in.fy_px);
   if (!in.has_distortion()) return seen;
   Eigen::Vector2d ideal = seen;
-  for (int i = 0; i < 30; ++i) ideal += seen - distort(in.distortion, ideal);
+  // Some ten rounds for a mild lens; a strong one contracts slowly in the corners, so the end is where nothing moves.
+  for (int i = 0; i < 200; ++i) {
+    const Eigen::Vector2d step = seen - distort(in.distortion, ideal);
+    ideal += step;
+    if (step.squaredNorm() < 1e-24) break;
+  }
   return ideal;
 }
 

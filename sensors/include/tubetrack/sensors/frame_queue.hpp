@@ -19,7 +19,7 @@ struct QueuedFrame {
 };
 
 /// Bounded queue between the thread that captures and the one that tracks. When full, the oldest *frame* goes and is
-/// counted: a live tracker wants the newest. End of stream and device loss are never dropped.
+/// counted: a live tracker wants the newest. End of stream and device loss are never dropped; time-outs aren't queued.
 class FrameQueue {
  public:
   explicit FrameQueue(std::size_t capacity);

@@ -1,0 +1,72 @@
+#include "tubetrack/sensors/noise_model.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <numbers>
+
+namespace tubetrack {
+namespace {
+
+constexpr double kDegree = std::numbers::pi / 180.0;
+
+NoiseModel without_rounding() {
+  NoiseModel model;
+  model.disparity_step_px = 0.0;
+  return model;
+}
+
+TEST(NoiseModel, AxialSigmaIsThePinnedFormula) {
+  // σ_z = 0.0012 + 0.0019 (z − 0.4)² + 0.0001/√z · θ²/(π/2 − θ)²
+  const NoiseModel model = without_rounding();
+  EXPECT_NEAR(axial_sigma_m(model, 0.4, 0.0), 0.0012, 1e-15);
+  EXPECT_NEAR(axial_sigma_m(model, 1.4, 0.0), 0.0031, 1e-15);
+  // At 45° θ and π/2 − θ are equal.
+  EXPECT_NEAR(axial_sigma_m(model, 1.0, 45.0 * kDegree), 0.0012 + 0.0019 * 0.36 + 0.0001, 1e-12);
+  EXPECT_NEAR(axial_sigma_m(model, 0.25, 45.0 * kDegree), 0.0012 + 0.0019 * 0.0225 + 0.0002, 1e-12);
+}
+
+TEST(NoiseModel, RoundingOfTheDisparityAddsItsUniformSigma) {
+  // At 0.8 m one step of 1/8 px is 0.64 / 42.75 / 8 m of depth.
+  const double rounding = 0.64 / 42.75 / 8.0 / std::sqrt(12.0);
+  const double gauss = 0.0012 + 0.0019 * 0.16;
+  EXPECT_NEAR(axial_sigma_m(NoiseModel{}, 0.8, 0.0), std::hypot(gauss, rounding), 1e-12);
+}
+
+TEST(NoiseModel, LateralJitterGrowsWithTheTangent) {
+  const NoiseModel model = without_rounding();
+  EXPECT_DOUBLE_EQ(depth_sigma_m(model, 0.8, 0.0, 570.0), axial_sigma_m(model, 0.8, 0.0));
+  const double lateral = 0.5 * 0.8 / 570.0;  // tan 45° = 1
+  EXPECT_NEAR(depth_sigma_m(model, 0.8, 45.0 * kDegree, 570.0),
+              std::hypot(axial_sigma_m(model, 0.8, 45.0 * kDegree), lateral), 1e-12);
+}
+
+TEST(NoiseModel, IncidenceIsHeldAt85DegreesSoThatSigmaStaysFinite) {
+  const NoiseModel model;
+  const double limit = depth_sigma_m(model, 1.0, 85.0 * kDegree, 570.0);
+  EXPECT_TRUE(std::isfinite(limit));
+  EXPECT_DOUBLE_EQ(depth_sigma_m(model, 1.0, 90.0 * kDegree, 570.0), limit);
+  EXPECT_DOUBLE_EQ(axial_sigma_m(model, 1.0, 120.0 * kDegree), axial_sigma_m(model, 1.0, 85.0 * kDegree));
+}
+
+TEST(NoiseModel, EverySensorGrowsNoisierWithDepthAndIncidence) {
+  for (const char* name : {"kinect1", "stereo", "tof"}) {
+    const auto model = noise_model_by_name(name);
+    ASSERT_TRUE(model) << name;
+    EXPECT_EQ(model->name, name);
+    for (double z = 0.6; z < 6.0; z += 0.1) {
+      EXPECT_LT(depth_sigma_m(*model, z, 0.3, 570.0), depth_sigma_m(*model, z + 0.1, 0.3, 570.0)) << name << " " << z;
+      EXPECT_LT(depth_sigma_m(*model, z, 0.3, 570.0), depth_sigma_m(*model, z, 0.4, 570.0)) << name << " " << z;
+    }
+  }
+}
+
+TEST(NoiseModel, AnUnknownNameIsRefusedWithTheKnownOnes) {
+  const auto model = noise_model_by_name("kinect9");
+  ASSERT_FALSE(model);
+  EXPECT_EQ(model.error().kind, Error::Kind::usage);
+  EXPECT_EQ(model.error().message, "--noise: got 'kinect9', takes kinect1, stereo, tof or a JSON file");
+}
+
+}  // namespace
+}  // namespace tubetrack
