@@ -1,0 +1,52 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <cstdint>
+#include <vector>
+
+#include "tubetrack/sensors/depth_frame.hpp"
+#include "tubetrack/sensors/intrinsics.hpp"
+#include "tubetrack/sensors/noise_model.hpp"
+
+namespace tubetrack {
+
+/// The image grid of DESIGN §2: a cell is a depth pixel, its height is inverse depth. All buffers are row-major with
+/// width × height cells. A plane in space is a plane in (ray x, ray y, inverse depth), so heights can be averaged and
+/// fitted linearly.
+struct HeightMap {
+  Intrinsics intrinsics;
+  std::vector<Eigen::Vector2f> rays;      ///< (x/z, y/z) of the cell's ray
+  std::vector<float> depth_m;             ///< this frame's own reading; 0: none
+  std::vector<float> inverse_depth_per_m; ///< over the frames that agreed; 0: none
+  std::vector<float> variance_per_m2;     ///< of inverse_depth_per_m
+  std::vector<std::uint8_t> count;        ///< frames in the cell
+  std::vector<std::uint8_t> strikes;      ///< frames running that disagreed by more than 3σ
+
+  std::size_t cell(int u, int v) const {
+    return static_cast<std::size_t>(v) * static_cast<std::size_t>(intrinsics.width) + static_cast<std::size_t>(u);
+  }
+  /// The frame's own point of a cell, metres in the camera frame; only where depth_m > 0.
+  Eigen::Vector3d point(std::size_t at) const {
+    const double z = depth_m[at];
+    return {rays[at].x() * z, rays[at].y() * z, z};
+  }
+};
+
+/// What of a frame enters the map; a region with width or height 0 is the whole image.
+struct HeightMapLimits {
+  double depth_min_m = 0.15;
+  double depth_max_m = 10.0;
+  int roi_u_px = 0;
+  int roi_v_px = 0;
+  int roi_width_px = 0;
+  int roi_height_px = 0;
+};
+
+HeightMap make_height_map(const Intrinsics& intrinsics);
+
+/// Takes a frame in. A reading within 3σ of its cell refines it; one beyond 5σ, or beyond 3σ twice running, restarts
+/// it. With a moving camera the cells look elsewhere in every frame: `fuse` false restarts all of them.
+/// The frame must have the map's size.
+void update(HeightMap& map, const DepthFrame& frame, const NoiseModel& noise, const HeightMapLimits& limits, bool fuse);
+
+}  // namespace tubetrack

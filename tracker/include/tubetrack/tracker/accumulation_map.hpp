@@ -1,0 +1,88 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <array>
+#include <compare>
+#include <cstdint>
+#include <unordered_map>
+#include <vector>
+
+#include "tubetrack/heightmap/surfel.hpp"
+
+namespace tubetrack {
+
+/// Integer coordinates of a voxel; ordered by z, then y, then x, which breaks every tie.
+struct VoxelIndex {
+  int z = 0;
+  int y = 0;
+  int x = 0;
+  auto operator<=>(const VoxelIndex&) const = default;
+};
+
+/// What one surfel voted: enough to withdraw the vote exactly. Lengths in 1/4096 of a voxel.
+struct VoteRecord {
+  std::array<std::int32_t, 3> origin{};     ///< x, y, z
+  std::array<std::int32_t, 3> direction{};  ///< x, y, z; one voxel long
+  std::int16_t first_step = 0;              ///< votes go to origin + k·direction, k from first_step …
+  std::int16_t last_step = -1;              ///< … to last_step
+  std::int32_t weight = 1;
+};
+
+/// Sums over the votes of one voxel. All integers, so that any order of votes gives the same map.
+struct Voxel {
+  std::int32_t votes = 0;                  ///< accImage of the paper
+  std::int32_t steps = 0;                  ///< Σ weight · step: steps / votes is the radius in voxels
+  std::array<std::int32_t, 6> moments{};   ///< Σ weight · d dᵀ of the directions: xx, xy, xz, yy, yz, zz, in 1/128²
+
+  Voxel& operator+=(const Voxel& other);
+};
+
+/// The tube's direction from a voxel's second moments: the unit eigenvector of the smallest eigenvalue (dirImage of the
+/// paper, whose running cross products depend on the order of the faces), largest component positive.
+struct VoxelAxis {
+  Eigen::Vector3d direction = Eigen::Vector3d::UnitX();
+  double spread = 0.0;  ///< middle eigenvalue over their sum: 0 all votes parallel, 0.5 votes from all around
+  double planar = 0.0;  ///< smallest over middle: 0 for a perfect tube
+};
+VoxelAxis axis_of(const Voxel& voxel);
+
+/// Sparse 3D accumulation image (paper, section 2.1 and algorithm 1) in blocks of 8³ voxels.
+class AccumulationMap {
+ public:
+  explicit AccumulationMap(double cell_m);
+
+  double cell_m() const { return cell_m_; }
+  void clear();
+  /// One vote a voxel and record: steps that stay in a voxel count once.
+  void add(const VoteRecord& record) { cast(record, 1); }
+  void withdraw(const VoteRecord& record) { cast(record, -1); }
+
+  /// The voxel, all zero where nothing was voted.
+  Voxel at(const VoxelIndex& index) const;
+  /// Sum over the (2·half + 1)³ voxels around.
+  Voxel box(const VoxelIndex& index, int half) const;
+  VoxelIndex index_of(const Eigen::Vector3d& point_m) const;
+  Eigen::Vector3d center_of(const VoxelIndex& index) const;
+
+  /// Voxels with at least `min_votes` in their box and more than any voxel next to them (ties: the lower index wins),
+  /// best first.
+  std::vector<VoxelIndex> peaks(int min_votes, int box_half) const;
+
+ private:
+  static constexpr int kSide = 8;
+  using Block = std::array<Voxel, kSide * kSide * kSide>;
+  struct Hash {
+    std::size_t operator()(const VoxelIndex& key) const;
+  };
+
+  void cast(const VoteRecord& record, int sign);
+
+  double cell_m_;
+  std::unordered_map<VoxelIndex, std::size_t, Hash> block_of_;
+  std::vector<Block> blocks_;
+};
+
+/// The record of a surfel's vote along its inward normal from radius_min_m to radius_max_m.
+VoteRecord vote_record(const Surfel& surfel, double cell_m);
+
+}  // namespace tubetrack

@@ -1,0 +1,77 @@
+#pragma once
+
+#include <optional>
+#include <vector>
+
+#include "tubetrack/heightmap/height_map.hpp"
+#include "tubetrack/tracker/spline.hpp"
+
+namespace tubetrack {
+
+/// A tube being fitted: a centreline and one radius.
+struct TubeModel {
+  Spline spline;
+  double radius_m = 0.0;
+};
+
+/// A measured point, the direction along which it errs (unit: the viewing ray, or the normal for a scan) and by how
+/// much. `t` is the place on the centreline that the model expects it at.
+struct Observation {
+  Eigen::Vector3d point_m = Eigen::Vector3d::Zero();
+  Eigen::Vector3d direction = Eigen::Vector3d::UnitZ();
+  double sigma_m = 0.001;
+  double t = 0.0;
+};
+
+/// Where one pixel's ray meets the model.
+struct PredictedPixel {
+  std::uint32_t cell = 0;
+  float depth_m = 0.0F;         ///< z of the nearest intersection
+  float t = 0.0F;               ///< place on the centreline
+  float cos_incidence = 0.0F;   ///< between ray and surface normal, > 0
+  float lateral = 0.0F;         ///< −1 … 1: sideways from the axis as seen from the camera, in radii
+};
+
+/// Every pixel whose ray meets the tube, once each, in cell order. Includes pixels without a return.
+std::vector<PredictedPixel> predict_pixels(const HeightMap& map, const TubeModel& model);
+
+/// The σ of a reading on the predicted surface (DESIGN §2: axial noise and lateral jitter on a slope), metres along z.
+double predicted_sigma_m(const HeightMap& map, const NoiseModel& noise, const PredictedPixel& pixel);
+
+/// The pixels to fit: predicted incidence below 75° (never chosen by residual beyond the gate that keeps other surfaces
+/// out), reading within gate_m + gate_sigmas·σ of the prediction.
+std::vector<Observation> select_observations(const HeightMap& map, const NoiseModel& noise,
+                                             const std::vector<PredictedPixel>& predicted, double gate_m,
+                                             double gate_sigmas);
+
+struct FitOptions {
+  std::optional<double> radius_m;  ///< known: held
+  double radius_min_m = 0.001;
+  double radius_max_m = 1.0;
+  int gauss_newton_steps = 2;
+};
+
+/// What Gauss-Newton says of its result.
+struct FitQuality {
+  double chi2_per_observation = 0.0;
+  double radius_sigma_m = 0.0;
+  Eigen::MatrixXd covariance;  ///< of all control points (x, y, z each) and, last, the radius; inflated by χ² above 1
+};
+
+/// Gauss-Newton on residuals along the observations' directions (paper, section 2.3, equation 1, with the noise where it
+/// is), over all control points and the radius at once; set and weights stay as they are. The centreline is smooth in its
+/// third difference, which leaves straights and arcs alone. Empty where too little is observed or the fit breaks down.
+std::optional<FitQuality> fit_tube(TubeModel& model, const std::vector<Observation>& observations,
+                                   const FitOptions& options);
+
+/// Residual of one observation (metres along its direction: measured − predicted) and its derivatives.
+struct ResidualTerm {
+  double residual_m = 0.0;
+  SplineBasis basis;
+  Eigen::Vector3d by_point = Eigen::Vector3d::Zero();  ///< by the centreline's point; × basis.value for a control point
+  double by_radius = 0.0;
+  bool valid = false;  ///< false where the direction grazes or misses the tube
+};
+ResidualTerm residual_of(const TubeModel& model, const Observation& observation);
+
+}  // namespace tubetrack

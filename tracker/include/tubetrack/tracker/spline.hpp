@@ -1,0 +1,38 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <array>
+#include <vector>
+
+namespace tubetrack {
+
+/// Uniform cubic B-spline: the shape of a centreline. Parameter t in [0, spans()], one span a control point.
+struct Spline {
+  std::vector<Eigen::Vector3d> control_m;  ///< at least 4
+
+  double spans() const { return static_cast<double>(control_m.size()) - 3.0; }
+};
+
+/// Four control points shape the curve at t: `first` and the three after it, with these weights.
+struct SplineBasis {
+  std::size_t first = 0;
+  std::array<double, 4> value{};
+  std::array<double, 4> derivative{};  ///< by t
+};
+
+/// t is clamped to [0, spans()].
+SplineBasis basis_at(const Spline& spline, double t);
+Eigen::Vector3d point_at(const Spline& spline, double t);
+Eigen::Vector3d derivative_at(const Spline& spline, double t);
+
+/// The parameter near `t` whose point is closest to `point_m`: three Newton steps on the foot-point condition.
+double foot_parameter(const Spline& spline, const Eigen::Vector3d& point_m, double t);
+
+/// A spline along a polyline (≥ 2 points), control points `spacing_m` apart or a little less, the polyline's ends at
+/// t = 0 and t = spans().
+Spline spline_along(const std::vector<Eigen::Vector3d>& polyline_m, double spacing_m);
+
+/// One more control point at the front and/or the back, straight on.
+void extend(Spline& spline, bool front, bool back);
+
+}  // namespace tubetrack

@@ -1,0 +1,162 @@
+#include "tubetrack/tracker/accumulation_map.hpp"
+
+#include <Eigen/Eigenvalues>
+#include <algorithm>
+#include <cmath>
+
+namespace tubetrack {
+
+namespace {
+
+constexpr int kFractionBits = 12;
+constexpr double kOne = 1 << kFractionBits;
+constexpr int kMomentShift = 5;  // directions enter the moments in 1/128
+
+int local_index(const VoxelIndex& v) { return ((v.z & 7) * 8 + (v.y & 7)) * 8 + (v.x & 7); }
+
+VoxelIndex block_key(const VoxelIndex& v) { return {v.z >> 3, v.y >> 3, v.x >> 3}; }
+
+VoxelIndex voxel_at_step(const VoteRecord& r, int step) {
+  const auto at = [&](std::size_t axis) { return (r.origin[axis] + step * r.direction[axis]) >> kFractionBits; };
+  return {at(2), at(1), at(0)};
+}
+
+}  // namespace
+
+Voxel& Voxel::operator+=(const Voxel& other) {
+  votes += other.votes;
+  steps += other.steps;
+  for (std::size_t i = 0; i < moments.size(); ++i) moments[i] += other.moments[i];
+  return *this;
+}
+
+VoxelAxis axis_of(const Voxel& voxel) {
+  Eigen::Matrix3d m;
+  const auto& s = voxel.moments;
+  m << s[0], s[1], s[2], s[1], s[3], s[4], s[2], s[4], s[5];
+  const double trace = m.trace();
+  if (trace <= 0.0) return {};
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver(m / trace);
+  VoxelAxis axis;
+  axis.direction = solver.eigenvectors().col(0);
+  Eigen::Index largest = 0;
+  axis.direction.cwiseAbs().maxCoeff(&largest);
+  if (axis.direction[largest] < 0.0) axis.direction = -axis.direction;
+  axis.spread = solver.eigenvalues()[1];
+  axis.planar = solver.eigenvalues()[1] > 0.0 ? std::max(solver.eigenvalues()[0], 0.0) / solver.eigenvalues()[1] : 1.0;
+  return axis;
+}
+
+VoteRecord vote_record(const Surfel& surfel, double cell_m) {
+  VoteRecord record;
+  for (std::size_t i = 0; i < 3; ++i) {
+    const auto axis = static_cast<Eigen::Index>(i);
+    record.origin[i] = static_cast<std::int32_t>(std::lround(surfel.position_m[axis] / cell_m * kOne));
+    record.direction[i] = static_cast<std::int32_t>(std::lround(surfel.inward_normal[axis] * kOne));
+  }
+  record.first_step = static_cast<std::int16_t>(std::lround(surfel.radius_min_m / cell_m));
+  record.last_step = static_cast<std::int16_t>(std::lround(surfel.radius_max_m / cell_m));
+  return record;
+}
+
+AccumulationMap::AccumulationMap(double cell_m) : cell_m_(cell_m) {}
+
+std::size_t AccumulationMap::Hash::operator()(const VoxelIndex& key) const {
+  const auto mix = [](std::uint64_t h, int value) {
+    h ^= static_cast<std::uint32_t>(value);
+    h *= 0x9E3779B97F4A7C15ULL;
+    return h ^ (h >> 29);
+  };
+  return static_cast<std::size_t>(mix(mix(mix(0x243F6A8885A308D3ULL, key.z), key.y), key.x));
+}
+
+void AccumulationMap::clear() {
+  block_of_.clear();
+  blocks_.clear();
+}
+
+void AccumulationMap::cast(const VoteRecord& record, int sign) {
+  const std::int32_t weight = sign * record.weight;
+  const std::int32_t dx = record.direction[0] >> kMomentShift;
+  const std::int32_t dy = record.direction[1] >> kMomentShift;
+  const std::int32_t dz = record.direction[2] >> kMomentShift;
+  const std::array<std::int32_t, 6> products{dx * dx, dx * dy, dx * dz, dy * dy, dy * dz, dz * dz};
+  VoxelIndex last{};
+  for (int step = record.first_step; step <= record.last_step; ++step) {
+    const VoxelIndex index = voxel_at_step(record, step);
+    if (step > record.first_step && index == last) continue;
+    last = index;
+    const auto [entry, fresh] = block_of_.try_emplace(block_key(index), blocks_.size());
+    if (fresh) blocks_.emplace_back();
+    Voxel& voxel = blocks_[entry->second][static_cast<std::size_t>(local_index(index))];
+    voxel.votes += weight;
+    voxel.steps += weight * step;
+    for (std::size_t i = 0; i < products.size(); ++i) voxel.moments[i] += weight * products[i];
+  }
+}
+
+Voxel AccumulationMap::at(const VoxelIndex& index) const {
+  const auto found = block_of_.find(block_key(index));
+  if (found == block_of_.end()) return {};
+  return blocks_[found->second][static_cast<std::size_t>(local_index(index))];
+}
+
+Voxel AccumulationMap::box(const VoxelIndex& index, int half) const {
+  Voxel sum;
+  for (int z = index.z - half; z <= index.z + half; ++z) {
+    for (int y = index.y - half; y <= index.y + half; ++y) {
+      for (int x = index.x - half; x <= index.x + half; ++x) sum += at({z, y, x});
+    }
+  }
+  return sum;
+}
+
+VoxelIndex AccumulationMap::index_of(const Eigen::Vector3d& point_m) const {
+  const auto at = [&](int axis) { return static_cast<int>(std::floor(point_m[axis] / cell_m_)); };
+  return {at(2), at(1), at(0)};
+}
+
+Eigen::Vector3d AccumulationMap::center_of(const VoxelIndex& index) const {
+  return Eigen::Vector3d(index.x + 0.5, index.y + 0.5, index.z + 0.5) * cell_m_;
+}
+
+std::vector<VoxelIndex> AccumulationMap::peaks(int min_votes, int box_half) const {
+  struct Candidate {
+    int votes;
+    VoxelIndex index;
+  };
+  // A box of 27 can hold min_votes only around a voxel with a 27th of them.
+  const int own_votes = std::max(1, box_half > 0 ? min_votes / 27 : min_votes);
+  std::unordered_map<VoxelIndex, int, Hash> sums;
+  std::vector<Candidate> candidates;
+  for (const auto& [key, block] : block_of_) {
+    for (int i = 0; i < kSide * kSide * kSide; ++i) {
+      if (blocks_[block][static_cast<std::size_t>(i)].votes < own_votes) continue;
+      const VoxelIndex index{key.z * kSide + i / 64, key.y * kSide + i / 8 % 8, key.x * kSide + i % 8};
+      const int votes = box(index, box_half).votes;
+      if (votes < min_votes) continue;
+      sums.emplace(index, votes);
+      candidates.push_back({votes, index});
+    }
+  }
+  const auto beaten = [&](const Candidate& candidate) {
+    for (int i = 0; i < 27; ++i) {
+      const VoxelIndex other{candidate.index.z + i / 9 - 1, candidate.index.y + i / 3 % 3 - 1,
+                             candidate.index.x + i % 3 - 1};
+      const auto found = sums.find(other);
+      if (found == sums.end()) continue;
+      if (found->second > candidate.votes || (found->second == candidate.votes && other < candidate.index)) return true;
+    }
+    return false;
+  };
+  std::erase_if(candidates, beaten);
+  std::sort(candidates.begin(), candidates.end(), [](const Candidate& a, const Candidate& b) {
+    return a.votes != b.votes ? a.votes > b.votes : a.index < b.index;
+  });
+  std::vector<VoxelIndex> result;
+  result.reserve(candidates.size());
+  for (const Candidate& candidate : candidates) result.push_back(candidate.index);
+  return result;
+}
+
+}  // namespace tubetrack

@@ -1,0 +1,122 @@
+#include "tubetrack/tracker/find_tubes.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "stopwatch.hpp"
+#include "tubetrack/tracker/trace.hpp"
+
+namespace tubetrack {
+
+namespace {
+
+constexpr int kMinVotes = 12;
+constexpr int kMaxFailures = 60;
+
+/// The polyline to start the fit from: the traced points, or a short piece of axis around a lone peak.
+std::vector<Eigen::Vector3d> line_from_trace(const AccumulationMap& votes, const std::vector<TracePoint>& trace,
+                                             const VoxelIndex& peak, double radius_m) {
+  std::vector<Eigen::Vector3d> line;
+  for (const TracePoint& point : trace) line.push_back(point.position_m);
+  if (line.size() > 2) return line;
+  const Eigen::Vector3d center = votes.center_of(peak);
+  const Eigen::Vector3d axis = axis_of(votes.box(peak, 1)).direction;
+  return {center - radius_m * axis, center, center + radius_m * axis};
+}
+
+/// The radius votes come from, over the trace: the median of its points.
+double radius_of(std::vector<TracePoint> trace) {
+  const auto middle = trace.begin() + static_cast<std::ptrdiff_t>(trace.size() / 2);
+  std::nth_element(trace.begin(), middle, trace.end(),
+                   [](const TracePoint& a, const TracePoint& b) { return a.radius_m < b.radius_m; });
+  return middle->radius_m;
+}
+
+/// Withdraws the votes of every surfel on the tube.
+void withdraw_explained(AccumulationMap& votes, std::span<const Surfel> surfels, std::span<const VoteRecord> records,
+                        const FoundTube& tube, std::vector<bool>& withdrawn) {
+  const auto& pixels = tube.pixels;  // in cell order, as the surfels are
+  auto pixel = pixels.begin();
+  for (std::size_t i = 0; i < surfels.size(); ++i) {
+    while (pixel != pixels.end() && pixel->cell < surfels[i].cell) ++pixel;
+    if (pixel == pixels.end()) break;
+    if (pixel->cell != surfels[i].cell || withdrawn[i]) continue;
+    if (std::abs(surfels[i].position_m.z() - pixel->depth_m) > 0.5 * tube.model.radius_m + 4.0F * surfels[i].sigma_m) continue;
+    withdrawn[i] = true;
+    votes.withdraw(records[i]);
+  }
+}
+
+/// Two fits of one tube: the centreline of one runs inside the other for the most part.
+bool same_tube(const FoundTube& a, const FoundTube& b) {
+  constexpr int kSamples = 20;
+  int inside = 0;
+  for (int i = 0; i < kSamples; ++i) {
+    const double t = a.extent.t_begin + (a.extent.t_end - a.extent.t_begin) * (i + 0.5) / kSamples;
+    const Eigen::Vector3d point = point_at(a.model.spline, t);
+    for (double s = b.extent.t_begin; s <= b.extent.t_end; s += 0.25) {
+      if ((point - point_at(b.model.spline, s)).norm() < 0.7 * b.model.radius_m) {
+        ++inside;
+        break;
+      }
+    }
+  }
+  return 2 * inside > kSamples;
+}
+
+}  // namespace
+
+double matching_cell_m(std::span<const Surfel> surfels, double focal_px) {
+  if (surfels.empty()) return 0.0;
+  std::vector<float> depths;
+  depths.reserve(surfels.size());
+  for (const Surfel& surfel : surfels) depths.push_back(surfel.position_m.z());
+  const auto middle = depths.begin() + static_cast<std::ptrdiff_t>(depths.size() / 2);
+  std::nth_element(depths.begin(), middle, depths.end());
+  const double two_pixels_m = 2.0 * *middle / focal_px;
+  return 0.001 * std::pow(2.0, 0.5 * std::round(2.0 * std::log2(two_pixels_m / 0.001)));
+}
+
+std::vector<FoundTube> find_tubes(AccumulationMap& votes, std::span<const Surfel> surfels,
+                                  std::span<const VoteRecord> records, const HeightMap& map,
+                                  const TrackerConfig& config, StageTimes& times) {
+  Stopwatch watch;
+  std::vector<FoundTube> tubes;
+  std::vector<bool> withdrawn(surfels.size(), false);
+  std::vector<TracePoint> failed;
+  int failures = 0;
+  for (const VoxelIndex& peak : votes.peaks(kMinVotes, 1)) {
+    if (failures >= kMaxFailures) break;
+    const Voxel sum = votes.box(peak, 1);
+    if (sum.votes < kMinVotes || axis_of(sum).spread < 0.01) continue;
+    const double radius_at_peak_m = votes.cell_m() * sum.steps / sum.votes;
+    const Eigen::Vector3d center = votes.center_of(peak);
+    const bool tried = std::any_of(failed.begin(), failed.end(), [&](const TracePoint& point) {
+      return (point.position_m - center).norm() < std::max(2.0 * votes.cell_m(), 0.3 * point.radius_m);
+    });
+    if (tried) continue;
+    TraceOptions options;
+    options.step_m = config.radius_m.value_or(radius_at_peak_m);
+    options.patch_half_m = 0.5 * options.step_m;
+    const std::vector<TracePoint> trace = trace_both_ways(votes, peak, options);
+    const double radius_m = config.radius_m.value_or(radius_of(trace));
+    const auto line = line_from_trace(votes, trace, peak, radius_m);
+    watch.lap(times.trace_ms);
+    auto found = grow_tube(map, config, line, radius_m);
+    const bool known = found && std::any_of(tubes.begin(), tubes.end(), [&](const FoundTube& tube) {
+      return same_tube(*found, tube);
+    });
+    if (!found || known || why_no_tube(*found, config)) {
+      ++failures;
+      failed.insert(failed.end(), trace.begin(), trace.end());
+      watch.lap(times.fit_ms);
+      continue;
+    }
+    withdraw_explained(votes, surfels, records, *found, withdrawn);
+    tubes.push_back(std::move(*found));
+    watch.lap(times.fit_ms);
+  }
+  return tubes;
+}
+
+}  // namespace tubetrack

@@ -1,0 +1,82 @@
+#include "tubetrack/tracker/trace.hpp"
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cmath>
+
+namespace tubetrack {
+
+namespace {
+
+TracePoint point_at(const AccumulationMap& map, const VoxelIndex& index, int box_half) {
+  const Voxel sum = map.box(index, box_half);
+  const double radius = sum.votes > 0 ? map.cell_m() * sum.steps / sum.votes : 0.0;
+  return {index, map.center_of(index), sum.votes, radius};
+}
+
+/// The paper's extractPatch and getMaxCoords in one: the voxel with the most votes on the patch, ties to the lowest.
+VoxelIndex best_on_patch(const AccumulationMap& map, const Eigen::Vector3d& center_m, const Eigen::Vector3d& normal,
+                         const TraceOptions& options) {
+  const Eigen::Vector3d e1 = normal.unitOrthogonal();
+  const Eigen::Vector3d e2 = normal.cross(e1);
+  const int half = std::max(1, static_cast<int>(std::lround(options.patch_half_m / map.cell_m())));
+  VoxelIndex best = map.index_of(center_m);
+  int best_votes = -1;
+  for (int row = -half; row <= half; ++row) {
+    for (int col = -half; col <= half; ++col) {
+      const VoxelIndex index = map.index_of(center_m + map.cell_m() * (col * e1 + row * e2));
+      const int votes = map.box(index, options.box_half).votes;
+      if (votes > best_votes || (votes == best_votes && index < best)) {
+        best_votes = votes;
+        best = index;
+      }
+    }
+  }
+  return best;
+}
+
+bool comes_back(const std::vector<TracePoint>& line, const Eigen::Vector3d& position_m, double step_m) {
+  const std::size_t recent = std::min<std::size_t>(line.size(), 3);
+  return std::any_of(line.begin(), line.end() - static_cast<std::ptrdiff_t>(recent), [&](const TracePoint& point) {
+    return (point.position_m - position_m).norm() < 0.5 * step_m;
+  });
+}
+
+}  // namespace
+
+bool is_inside_tube(int votes, int start_votes, const Eigen::Vector3d& step, const Eigen::Vector3d& direction) {
+  return 4 * votes >= start_votes && step.dot(direction) >= 0.5 * step.norm() * direction.norm();
+}
+
+std::vector<TracePoint> trace_one_way(const AccumulationMap& map, const VoxelIndex& start, bool in_front,
+                                      const TraceOptions& options) {
+  std::vector<TracePoint> line;
+  TracePoint current = point_at(map, start, options.box_half);
+  const int start_votes = current.votes;
+  Eigen::Vector3d last = axis_of(map.box(start, options.box_half)).direction * (in_front ? 1.0 : -1.0);
+  Eigen::Vector3d previous_m = current.position_m - last * options.step_m;
+  for (int i = 0; i < options.max_steps; ++i) {
+    Eigen::Vector3d direction = axis_of(map.box(current.voxel, options.box_half)).direction;
+    if (last.dot(direction) < 0.0) direction = -direction;
+    if (!is_inside_tube(current.votes, start_votes, current.position_m - previous_m, direction)) break;
+    if (comes_back(line, current.position_m, options.step_m)) break;
+    line.push_back(current);
+    const Eigen::Vector3d center_m = current.position_m + direction * options.step_m;
+    previous_m = current.position_m;
+    last = direction;
+    current = point_at(map, best_on_patch(map, center_m, direction, options), options.box_half);
+  }
+  return line;
+}
+
+std::vector<TracePoint> trace_both_ways(const AccumulationMap& map, const VoxelIndex& start,
+                                        const TraceOptions& options) {
+  std::vector<TracePoint> line = trace_one_way(map, start, false, options);
+  std::reverse(line.begin(), line.end());
+  if (line.empty()) line.push_back(point_at(map, start, options.box_half));
+  const std::vector<TracePoint> front = trace_one_way(map, start, true, options);
+  if (front.size() > 1) line.insert(line.end(), front.begin() + 1, front.end());
+  return line;
+}
+
+}  // namespace tubetrack
