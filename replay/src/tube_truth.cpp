@@ -1,1 +1,80 @@
 #include "tubetrack/replay/tube_truth.hpp"
+
+#include <fmt/format.h>
+
+#include <cmath>
+#include <fstream>
+#include <nlohmann/json.hpp>
+
+namespace tubetrack {
+
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+TrueTube parse_tube(const Json& json) {
+  TrueTube tube;
+  tube.id = json.at("id").get<std::int64_t>();
+  tube.radius_m = json.at("radius_m").get<double>();
+  tube.length_m = json.at("length_m").get<double>();
+  for (const Json& point : json.at("centerline_m")) {
+    const auto xyz = point.get<std::array<double, 3>>();
+    if (point.size() != 3) throw std::invalid_argument("centerline_m: a point takes 3 numbers");
+    tube.centerline_m.emplace_back(xyz[0], xyz[1], xyz[2]);
+  }
+  tube.visible = json.at("visible").get<std::vector<bool>>();
+  if (tube.visible.size() != tube.centerline_m.size()) {
+    throw std::invalid_argument(fmt::format("visible: got {} entries for {} points of centerline_m",
+                                            tube.visible.size(), tube.centerline_m.size()));
+  }
+  return tube;
+}
+
+TruthFrame parse_frame(const std::string& line) {
+  const Json json = Json::parse(line);
+  TruthFrame frame;
+  frame.frame = json.at("frame").get<std::int64_t>();
+  frame.timestamp_s = json.at("timestamp_s").get<double>();
+  frame.frame_id = json.at("frame_id").get<std::string>();
+  for (const Json& tube : json.at("tubes")) frame.tubes.push_back(parse_tube(tube));
+  return frame;
+}
+
+}  // namespace
+
+Expected<std::vector<TruthFrame>> read_truth(const std::filesystem::path& path) {
+  std::ifstream file(path);
+  if (!file) return tl::make_unexpected(Error::failed(fmt::format("{}: cannot be opened", path.string())));
+  std::vector<TruthFrame> frames;
+  std::string line;
+  for (int number = 1; std::getline(file, line); ++number) {
+    if (line.find_first_not_of(" \t\r") == std::string::npos) continue;
+    try {
+      frames.push_back(parse_frame(line));
+    } catch (const std::exception& problem) {
+      return tl::make_unexpected(Error::failed(
+          fmt::format("{}: line {}: {}; write it again with tubetrack synth", path.string(), number, problem.what())));
+    }
+  }
+  return frames;
+}
+
+std::string truth_json(const TruthFrame& truth) {
+  const auto micrometres = [](double metres) { return std::round(metres * 1e6) / 1e6; };
+  Json json{{"frame", truth.frame}, {"timestamp_s", truth.timestamp_s}, {"frame_id", truth.frame_id}};
+  json["tubes"] = Json::array();
+  for (const TrueTube& tube : truth.tubes) {
+    Json points = Json::array();
+    for (const Eigen::Vector3d& p : tube.centerline_m) {
+      points.push_back({micrometres(p.x()), micrometres(p.y()), micrometres(p.z())});
+    }
+    json["tubes"].push_back({{"id", tube.id},
+                             {"radius_m", tube.radius_m},
+                             {"length_m", tube.length_m},
+                             {"centerline_m", std::move(points)},
+                             {"visible", tube.visible}});
+  }
+  return json.dump();
+}
+
+}  // namespace tubetrack

@@ -14,6 +14,7 @@ namespace tubetrack {
 struct TrueTube {
   std::int64_t id = 0;
   double radius_m = 0.0;
+  double length_m = 0.0;                      ///< of the centreline, from cap to cap
   std::vector<Eigen::Vector3d> centerline_m;  ///< in the frame that TruthFrame::frame_id names
   std::vector<bool> visible;  ///< a sample is visible when ≥ half of its camera-facing profile has returns of this tube
 };
@@ -28,5 +29,8 @@ struct TruthFrame {
 
 /// Reads a recording's truth.jsonl; the error names the line.
 Expected<std::vector<TruthFrame>> read_truth(const std::filesystem::path& path);
+
+/// One line of truth.jsonl, without the line's end. Points are rounded to 1 µm.
+std::string truth_json(const TruthFrame& truth);
 
 }  // namespace tubetrack
