@@ -10,12 +10,11 @@ namespace tubetrack {
 
 namespace {
 
-constexpr const char* kHelp =
-    R"(Follow the tubes of a recording, frame by frame. RECORDING is a folder in TUM form (depth.txt, camera_info.yaml, and
-groundtruth.txt where the camera moves), a bare folder of 16-bit PNG, TIFF or PGM images, or a BOP scene.)";
+constexpr const char* kFooter =
+    R"(RECORDING is a folder in TUM form (depth.txt, camera_info.yaml, and groundtruth.txt where the camera moves), a bare
+folder of 16-bit PNG, TIFF or PGM images, or a BOP scene.
 
-constexpr const char* kExamples =
-    R"(Results: one JSON object a frame and line, keys in docs/output.schema.json. Exit codes: 0 done, 1 it failed while
+Results: one JSON object a frame and line, keys in docs/output.schema.json. Exit codes: 0 done, 1 it failed while
 running, 2 wrong usage, 130 ended by Ctrl-C (the lines written so far are whole).
 
 Examples:
@@ -56,9 +55,8 @@ Expected<int> replay(const ReplayOptions& options) {
 
 void add_replay(CLI::App& app, int& exit_code) {
   auto options = std::make_shared<ReplayOptions>();
-  CLI::App* command = app.add_subcommand("replay", "follow the tubes of a recording");
-  command->description(kHelp);
-  command->footer(kExamples);
+  CLI::App* command = app.add_subcommand("replay", "follow the tubes of a recording, frame by frame");
+  command->footer(kFooter);
   command->add_option("RECORDING", options->recording, "the recording to read");
   add_tracker_flags(*command, options->track);
   add_recording_flags(*command, options->reading);

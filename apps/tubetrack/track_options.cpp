@@ -73,7 +73,10 @@ Expected<void> apply_noise(const TrackOptions& options, TrackerConfig& config) {
   if (options.noise.empty()) return {};
   auto named = noise_model_by_name(options.noise);
   if (!named && options.noise.find_first_of("./") != std::string::npos) named = read_noise_model(options.noise);
-  if (!named) return malformed("--noise", options.noise, "kinect1, stereo, tof or a JSON file; " + named.error().message);
+  if (!named && options.noise.find_first_of("./") == std::string::npos) {
+    return malformed("--noise", options.noise, "kinect1, stereo, tof or a JSON file");
+  }
+  if (!named) return tl::make_unexpected(Error::usage("--noise " + named.error().message));
   config.noise = std::move(*named);
   return {};
 }
