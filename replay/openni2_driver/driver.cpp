@@ -9,6 +9,7 @@
 
 #include <algorithm>
 #include <array>
+#include <atomic>
 #include <cmath>
 #include <cstring>
 #include <string_view>
@@ -65,8 +66,10 @@ class DepthStream final : public oni::driver::StreamBase {
   ~DepthStream() override { stop(); }
 
   OniStatus start() override {
+    asked_since_start_ = false;
     player_ = std::make_unique<tubetrack::RecordingPlayer>(
-        settings_, [this](const tubetrack::DepthFrame& frame) { send(frame); }, unplug_);
+        settings_, tubetrack::PlayerCallbacks{[this] { return asked_since_start_.load(); },
+                                              [this](const tubetrack::DepthFrame& frame) { send(frame); }, unplug_});
     return ONI_STATUS_OK;
   }
   void stop() override { player_.reset(); }
@@ -76,6 +79,7 @@ class DepthStream final : public oni::driver::StreamBase {
   }
 
   OniStatus getProperty(int id, void* data, int* size) override {
+    asked_since_start_ = true;
     const std::lock_guard lock(mutex_);
     const tubetrack::Intrinsics& in = info_.intrinsics;
     switch (id) {
@@ -175,6 +179,8 @@ class DepthStream final : public oni::driver::StreamBase {
   OniVideoMode mode_;
   OniBool mirrored_ = TRUE;  // as PrimeSense's driver: a program that forgets to switch it off shall notice here
   OniCropping cropping_{};
+  /// A program that asks a started stream for anything has come back from the runtime's `start`.
+  std::atomic<bool> asked_since_start_ = false;
   std::unique_ptr<tubetrack::RecordingPlayer> player_;
 };
 

@@ -17,6 +17,7 @@ namespace tubetrack {
 namespace {
 
 constexpr std::chrono::milliseconds kPoll{2};
+constexpr std::chrono::milliseconds kStartPatience{250};
 
 tl::unexpected<Error> refuse(const char* variable, const std::string& got, const char* takes) {
   return tl::make_unexpected(Error::usage(fmt::format("{}: got '{}', takes {}", variable, got, takes)));
@@ -99,22 +100,21 @@ void write_pixels(const DepthFrame& frame, const OutputFormat& format, std::uint
   }
 }
 
-RecordingPlayer::RecordingPlayer(PlayerSettings settings, std::function<void(const DepthFrame&)> on_frame,
-                                 std::function<void()> on_end)
+RecordingPlayer::RecordingPlayer(PlayerSettings settings, PlayerCallbacks callbacks)
     : settings_(std::move(settings)),
-      on_frame_(std::move(on_frame)),
-      on_end_(std::move(on_end)),
-      started_(Clock::now()),
+      callbacks_(std::move(callbacks)),
       thread_([this](const std::stop_token& stop) { run(stop); }) {}
 
 RecordingPlayer::~RecordingPlayer() = default;
 
 void RecordingPlayer::run(const std::stop_token& stop) {
+  wait_until_ready(stop);
+  started_ = Clock::now();
   while (!stop.stop_requested()) {
     // Opened again each round: a source can't be wound back. It opened before, so if it fails now it is gone: stall.
     auto recording = open_recording(settings_.recording, settings_.options);
     if (!recording || play_once(*recording->source, stop) == 0) return;
-    if (settings_.at_end == AtEnd::unplug && !stop.stop_requested()) on_end_();
+    if (settings_.at_end == AtEnd::unplug && !stop.stop_requested()) callbacks_.on_unplug();
     if (settings_.at_end != AtEnd::repeat) return;
   }
 }
@@ -139,7 +139,7 @@ std::int64_t RecordingPlayer::play_once(FrameSource& source, const std::stop_tok
     frame.index += first_index;
     wait_for_turn(frame.timestamp_s, stop);
     if (stop.stop_requested()) break;
-    on_frame_(frame);
+    callbacks_.on_frame(frame);
     ++sent_;
     next_index_ = frame.index + 1;
   }
@@ -151,6 +151,13 @@ std::int64_t RecordingPlayer::play_once(FrameSource& source, const std::stop_tok
     next_timestamp_s_ = last_timestamp_s + offset_s_ + interval_s;
   }
   return sent;
+}
+
+void RecordingPlayer::wait_until_ready(const std::stop_token& stop) {
+  const auto give_up = Clock::now() + kStartPatience;
+  while (!stop.stop_requested() && !callbacks_.ready() && (!settings_.lockstep.empty() || Clock::now() < give_up)) {
+    wait_until(Clock::now() + kPoll, stop);
+  }
 }
 
 void RecordingPlayer::wait_for_turn(double timestamp_s, const std::stop_token& stop) {

@@ -44,13 +44,22 @@ struct OutputFormat {
 };
 void write_pixels(const DepthFrame& frame, const OutputFormat& format, std::uint16_t* out);
 
+/// What the player calls, on its own thread.
+struct PlayerCallbacks {
+  /// Whether the program can take the first frame: the runtime throws away what comes before its `start` has returned.
+  /// Waited for 250 ms at the most, in lockstep as long as it takes.
+  std::function<bool()> ready;
+  /// Each good frame; timestamps and indices go on rising over repeats. A corrupt frame is skipped and leaves a gap in
+  /// the index.
+  std::function<void(const DepthFrame&)> on_frame;
+  /// Once, after the last frame, when at_end is `unplug`.
+  std::function<void()> on_unplug;
+};
+
 /// Plays a recording on a thread of its own, each frame at its time.
 class RecordingPlayer {
  public:
-  /// `on_frame` gets each good frame (timestamps and indices go on rising over repeats; a corrupt frame is skipped and
-  /// leaves a gap in the index), `on_end` is called once, when at_end is `unplug`. Both on the player's thread.
-  RecordingPlayer(PlayerSettings settings, std::function<void(const DepthFrame&)> on_frame,
-                  std::function<void()> on_end);
+  RecordingPlayer(PlayerSettings settings, PlayerCallbacks callbacks);
   /// Stops; waits for a callback that is running.
   ~RecordingPlayer();
 
@@ -60,12 +69,12 @@ class RecordingPlayer {
   void run(const std::stop_token& stop);
   /// Plays it once; the number of frames sent.
   std::int64_t play_once(FrameSource& source, const std::stop_token& stop);
+  void wait_until_ready(const std::stop_token& stop);
   void wait_for_turn(double timestamp_s, const std::stop_token& stop);
   void wait_until(Clock::time_point due, const std::stop_token& stop);
 
   PlayerSettings settings_;
-  std::function<void(const DepthFrame&)> on_frame_;
-  std::function<void()> on_end_;
+  PlayerCallbacks callbacks_;
   Clock::time_point started_;
   double first_timestamp_s_ = 0.0;
   double offset_s_ = 0.0;  ///< added to the recording's timestamps in this round

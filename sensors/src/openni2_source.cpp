@@ -11,6 +11,8 @@
 #include <tuple>
 #include <utility>
 
+#include "pixel_pool.hpp"
+
 namespace tubetrack {
 
 namespace {
@@ -22,7 +24,8 @@ using std::chrono::steady_clock;
 std::string runtime_says() {
   std::string text = openni::OpenNI::getExtendedError();
   std::replace(text.begin(), text.end(), '\n', ' ');
-  while (!text.empty() && (text.back() == ' ' || text.back() == '\t')) text.pop_back();
+  text.erase(0, text.find_first_not_of(" \t"));
+  text.erase(text.find_last_not_of(" \t") + 1);
   return text.empty() ? "the runtime gives no reason" : text;
 }
 
@@ -74,34 +77,6 @@ class UnplugListener final : public openni::OpenNI::DeviceDisconnectedListener {
   std::atomic<bool> unplugged_ = false;
 };
 
-/// Pixel buffers that frames own while anybody keeps them and that come back here afterwards: nothing is allocated
-/// after warm-up. (Copies, not the runtime's frames: letting go of one of those while its stream closes on another
-/// thread races inside the runtime, and after shutdown it is a use after free.)
-class PixelPool : public std::enable_shared_from_this<PixelPool> {
- public:
-  std::shared_ptr<std::uint16_t> take(std::size_t count) {
-    std::unique_ptr<std::uint16_t[]> buffer;
-    {
-      const std::lock_guard lock(mutex_);
-      if (!free_.empty()) {
-        buffer = std::move(free_.back());
-        free_.pop_back();
-      }
-    }
-    if (!buffer) buffer = std::make_unique<std::uint16_t[]>(count);
-    return {buffer.release(), [pool = shared_from_this()](std::uint16_t* pixels) { pool->give_back(pixels); }};
-  }
-
- private:
-  void give_back(std::uint16_t* pixels) {
-    const std::lock_guard lock(mutex_);
-    free_.emplace_back(pixels);
-  }
-
-  std::mutex mutex_;
-  std::vector<std::unique_ptr<std::uint16_t[]>> free_;
-};
-
 /// Metres per unit of a depth format; 0 for formats that are no depth in metres (raw shifts).
 double metres_per_unit(openni::PixelFormat format) {
   if (format == openni::PIXEL_FORMAT_DEPTH_1_MM) return 0.001;
@@ -149,7 +124,7 @@ Expected<openni::VideoMode> choose_mode(const std::string& name, const openni::V
 class OpenNi2Source final : public FrameSource {
  public:
   OpenNi2Source(std::shared_ptr<Runtime> runtime, const std::string& uri)
-      : runtime_(std::move(runtime)), listener_(uri), pool_(std::make_shared<PixelPool>()) {
+      : runtime_(std::move(runtime)), listener_(uri) {
     info_.name = uri;
   }
 
@@ -204,6 +179,10 @@ Expected<void> OpenNi2Source::start(const OpenNi2Options& options) {
   if (stream_.start() != openni::STATUS_OK) {
     return failed(fmt::format("{}: the depth stream did not start: {}", info_.name, runtime_says()));
   }
+  // Asked of the running stream: what counts is what the frames will be.
+  if (stream_.getMirroringEnabled()) {
+    return failed(fmt::format("{}: mirroring is on and the device does not switch it off", info_.name));
+  }
   return {};
 }
 
@@ -217,13 +196,10 @@ Expected<void> OpenNi2Source::set_mode(const OpenNi2Options& options) {
   info_.metres_per_unit = metres_per_unit(mode->getPixelFormat());
   info_.intrinsics.width = mode->getResolutionX();
   info_.intrinsics.height = mode->getResolutionY();
+  pool_ = std::make_shared<PixelPool>(static_cast<std::size_t>(mode->getResolutionX()) *
+                                      static_cast<std::size_t>(mode->getResolutionY()));
   // The default is each driver's own (PrimeSense's is on), and a mirrored scene has its bends the wrong way round.
-  if (stream_.isPropertySupported(openni::STREAM_PROPERTY_MIRRORING)) {
-    stream_.setMirroringEnabled(false);
-    if (stream_.getMirroringEnabled()) {
-      return failed(fmt::format("{}: the device can't switch mirroring off: {}", info_.name, runtime_says()));
-    }
-  }
+  stream_.setMirroringEnabled(false);
   return {};
 }
 
@@ -270,7 +246,9 @@ FrameOutcome OpenNi2Source::next(DepthFrame& frame, milliseconds patience) {
   return hand_over(device_frame, frame);
 }
 
-/// Copies the device's frame, row by row since its stride is the driver's.
+/// Copies the device's frame, row by row since its stride is the driver's. Not the runtime's own buffer: letting go of
+/// one of those while its stream closes on another thread races inside the runtime, and after shutdown it is a use
+/// after free.
 FrameOutcome OpenNi2Source::hand_over(const openni::VideoFrameRef& device_frame, DepthFrame& frame) {
   const int index = device_frame.getFrameIndex();
   if (!first_index_) {
@@ -299,7 +277,7 @@ FrameOutcome OpenNi2Source::hand_over(const openni::VideoFrameRef& device_frame,
                                                      frame.index, device_frame.getWidth(), device_frame.getHeight(),
                                                      device_frame.getDataSize(), frame.width, frame.height));
   }
-  const auto pixels = pool_->take(rows * static_cast<std::size_t>(frame.width));
+  const auto pixels = pool_->take();
   const auto* from = static_cast<const std::byte*>(device_frame.getData());
   for (std::size_t v = 0; v < rows; ++v) {
     std::memcpy(pixels.get() + v * static_cast<std::size_t>(frame.width), from + v * stride, row_bytes);
