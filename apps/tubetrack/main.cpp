@@ -21,6 +21,7 @@ int run(int argc, char** argv) {
   app.require_subcommand(0, 1);
   tubetrack::add_replay(app, exit_code);
   tubetrack::add_eval(app, exit_code);
+  tubetrack::add_synth(app, exit_code);
   try {
     app.parse(argc, argv);
   } catch (const CLI::Success& success) {  // --help, --version

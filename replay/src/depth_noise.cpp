@@ -1,6 +1,7 @@
 #include "tubetrack/replay/depth_noise.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <numbers>
 
@@ -15,7 +16,7 @@ constexpr double kEdgeDropout = 0.5;
 constexpr double kEdgeMixed = 0.3;
 
 /// What a random number is for: each use of a pixel has its own, so switching one part off leaves the others as are.
-enum class Draw : std::uint64_t { axial, jitter_u, jitter_v, dropout, mixed, mixture };
+enum class Draw : std::uint64_t { axial, jitter, dropout, mixed, mixture };
 
 /// splitmix64's output function. The standard library's distributions differ between libraries; this does not.
 std::uint64_t scrambled(std::uint64_t x) {
@@ -32,10 +33,11 @@ double uniform(std::uint64_t frame_seed, std::size_t pixel, Draw draw, std::uint
   return (static_cast<double>(bits >> 11) + 0.5) * 0x1.0p-53;
 }
 
-/// Standard normal (Box–Muller); below 8.7 in size since the uniforms have 53 bits.
-double normal(std::uint64_t frame_seed, std::size_t pixel, Draw draw) {
+/// Two independent standard normals (Box–Muller); below 8.7 in size since the uniforms have 53 bits.
+std::array<double, 2> two_normals(std::uint64_t frame_seed, std::size_t pixel, Draw draw) {
   const double size = std::sqrt(-2.0 * std::log(uniform(frame_seed, pixel, draw, 0)));
-  return size * std::cos(2.0 * std::numbers::pi * uniform(frame_seed, pixel, draw, 1));
+  const double angle = 2.0 * std::numbers::pi * uniform(frame_seed, pixel, draw, 1);
+  return {size * std::cos(angle), size * std::sin(angle)};
 }
 
 /// A pixel is at a depth edge when it and one of its four neighbours differ by more than a surface seen at 80° would
@@ -72,7 +74,7 @@ double measured_depth(const DepthNoise& noise, double depth_m, double incidence_
   if (noise.axial) {
     NoiseModel unrounded = noise.sensor;
     unrounded.disparity_step_px = 0.0;
-    z += axial_sigma_m(unrounded, depth_m, incidence_rad) * normal(seed, pixel, Draw::axial);
+    z += axial_sigma_m(unrounded, depth_m, incidence_rad) * two_normals(seed, pixel, Draw::axial)[0];
   }
   if (noise.quantisation && noise.sensor.disparity_step_px > 0.0 && z > 0.0) {
     const double steps = std::round(noise.sensor.baseline_focal_m_px / z / noise.sensor.disparity_step_px);
@@ -95,8 +97,8 @@ std::uint64_t seed_of_frame(std::uint64_t scene_seed, int frame) {
 }
 
 PixelJitter pixel_jitter(const DepthNoise& noise, std::uint64_t frame_seed, std::size_t pixel) {
-  return {noise.sensor.lateral_px * normal(frame_seed, pixel, Draw::jitter_u),
-          noise.sensor.lateral_px * normal(frame_seed, pixel, Draw::jitter_v)};
+  const std::array<double, 2> normals = two_normals(frame_seed, pixel, Draw::jitter);
+  return {noise.sensor.lateral_px * normals[0], noise.sensor.lateral_px * normals[1]};
 }
 
 MeasuredPixels measure(const ExactPixels& exact, const DepthNoise& noise, std::uint64_t frame_seed) {

@@ -31,12 +31,12 @@ Solid wall_at(double z_m) {
   return {PlaneShape{{0.0, 0.0, z_m}, -Vector3d::UnitZ()}, {}};
 }
 
-/// A table top the camera looks down on at 50°, 0.85 m away in the middle of the view.
+/// A table top the camera looks down on at 40°, 0.85 m away in the middle of the view.
 struct Table {
   Vector3d origin_m{0.0, 0.0, 0.85};
   Vector3d right = Vector3d::UnitX();
   Vector3d up{0.0, -std::cos(radians(40.0)), -std::sin(radians(40.0))};
-  Vector3d away = right.cross(up).normalized() * -1.0;
+  Vector3d away = up.cross(right);
 
   Vector3d at(double right_m, double away_m, double up_m) const {
     return origin_m + right_m * right + away_m * away + up_m * up;
@@ -148,7 +148,7 @@ Scene hand_scene() {
 Scene clutter_scene() {
   const Table table;
   Eigen::Matrix3d upright;
-  upright << table.right, -table.away, table.up;
+  upright << table.right, table.away, table.up;
   const auto standing = [&](double degrees) {
     return Eigen::Quaterniond(upright * Eigen::AngleAxisd(radians(degrees), Vector3d::UnitZ()).toRotationMatrix());
   };
