@@ -90,7 +90,7 @@ cv::Scalar paler(const cv::Scalar& color) { return color * 0.5 + cv::Scalar(60, 
 
 void draw_line(cv::Mat& picture, const std::vector<std::optional<cv::Point2d>>& points, const std::vector<bool>& visible,
                const cv::Scalar& color, int thickness_px) {
-  constexpr double kDash_px = 4.0;
+  constexpr double kDash_px = 6.0;
   constexpr int kShift = 4;  // drawn in 1/16 pixels
   const auto line = [&](const cv::Point2d& a, const cv::Point2d& b, const cv::Scalar& c) {
     cv::line(picture, cv::Point(a * (1 << kShift)), cv::Point(b * (1 << kShift)), c, thickness_px, cv::LINE_AA, kShift);

@@ -1,0 +1,91 @@
+#include "tubetrack/report/config.hpp"
+
+#include <gmock/gmock.h>
+
+#include "replay/recording_files.hpp"
+
+namespace tubetrack {
+namespace {
+
+using testing::AllOf;
+using testing::HasSubstr;
+
+std::string refusal(const std::string& text) {
+  const auto config = parse_config(text, "a.json");
+  EXPECT_FALSE(config) << text;
+  if (config) return "";
+  EXPECT_EQ(config.error().kind, Error::Kind::usage);
+  EXPECT_THAT(config.error().message, testing::StartsWith("a.json: "));
+  EXPECT_EQ(config.error().message.find('\n'), std::string::npos);
+  return config.error().message;
+}
+
+TEST(Config, WhatTheFileDoesNotNameKeepsItsDefault) {
+  const auto config = parse_config(R"({"radius_m": 0.02, "threads": 2, "noise": {"lateral_px": 0.25}})", "a.json");
+  ASSERT_TRUE(config) << config.error().message;
+  EXPECT_EQ(config->radius_m, 0.02);
+  EXPECT_EQ(config->threads, 2);
+  EXPECT_EQ(config->noise.lateral_px, 0.25);
+  TrackerConfig expected;
+  expected.radius_m = 0.02;
+  expected.threads = 2;
+  expected.noise.lateral_px = 0.25;
+  EXPECT_EQ(config_text(*config), config_text(expected));
+  EXPECT_EQ(config_text(*parse_config("{}", "a.json")), config_text(TrackerConfig{}));
+}
+
+TEST(Config, WrittenAndReadAgainIsTheSame) {
+  TrackerConfig config;
+  config.radius_m = 0.0123;
+  config.roi_width_px = 320;
+  config.roi_height_px = 200;
+  config.noise = *noise_model_by_name("tof");
+  const auto again = parse_config(config_text(config), "a.json");
+  ASSERT_TRUE(again) << again.error().message;
+  EXPECT_EQ(config_text(*again), config_text(config));
+  EXPECT_EQ(again->radius_m, 0.0123);
+  EXPECT_EQ(again->noise.name, "tof");
+}
+
+TEST(Config, AnUnknownKeyIsRefusedWithTheNearestAndAllKnown) {
+  EXPECT_THAT(refusal(R"({"radius": 0.02})"),
+              AllOf(HasSubstr("radius: unknown key, did you mean radius_m?"), HasSubstr("depth_min_m, depth_max_m")));
+  EXPECT_THAT(refusal(R"({"noise": {"latteral_px": 1}})"),
+              HasSubstr("noise.latteral_px: unknown key, did you mean lateral_px?"));
+  EXPECT_THAT(refusal(R"({"colour": 1})"), HasSubstr("colour: unknown key; known are radius_min_m"));
+}
+
+TEST(Config, AWrongTypeNamesKeyValueAndWhatItTakes) {
+  EXPECT_THAT(refusal(R"({"cell_m": "small"})"), HasSubstr("cell_m: got \"small\", takes a number"));
+  EXPECT_THAT(refusal(R"({"threads": 1.5})"), HasSubstr("threads: got 1.5, takes a whole number"));
+  EXPECT_THAT(refusal(R"({"noise": 3})"), HasSubstr("noise: got 3, takes a name or an object"));
+  EXPECT_THAT(refusal(R"({"noise": "kinect9"})"), AllOf(HasSubstr("noise"), HasSubstr("kinect9"), HasSubstr("stereo")));
+  EXPECT_THAT(refusal(R"({"noise": {"lateral_px": -1}})"), HasSubstr("numbers ≥ 0"));
+  EXPECT_THAT(refusal("[1]"), HasSubstr("one JSON object"));
+  EXPECT_THAT(refusal("{\"cell_m\": }"), HasSubstr("no JSON"));
+}
+
+TEST(Config, AValueOutOfRangeIsRefused) {
+  EXPECT_THAT(refusal(R"({"radius_m": -0.02})"), HasSubstr("radius_m: got -0.02"));
+  EXPECT_THAT(refusal(R"({"radius_min_m": 0.2})"), HasSubstr("radius_max_m: got 0.1"));
+}
+
+TEST(Config, AMissingFileIsNamed) {
+  const auto config = read_config("/nowhere/config.json");
+  ASSERT_FALSE(config);
+  EXPECT_THAT(config.error().message, HasSubstr("/nowhere/config.json: cannot be read"));
+}
+
+TEST(NoiseModelFile, ReadsTheFieldsOfTheModelAndRefusesOthers) {
+  const test::TemporaryFolder folder;
+  test::write_text(folder / "noise.json", R"({"name": "mine", "axial_constant_m": 0.002})");
+  const auto model = read_noise_model(folder / "noise.json");
+  ASSERT_TRUE(model) << model.error().message;
+  EXPECT_EQ(model->axial_constant_m, 0.002);
+  EXPECT_EQ(model->lateral_px, NoiseModel{}.lateral_px);
+  test::write_text(folder / "bad.json", R"({"sigma": 1})");
+  EXPECT_THAT(read_noise_model(folder / "bad.json").error().message, HasSubstr("noise.sigma: unknown key"));
+}
+
+}  // namespace
+}  // namespace tubetrack

@@ -1,0 +1,53 @@
+#include "tubetrack/report/summary.hpp"
+
+#include <gmock/gmock.h>
+
+namespace tubetrack {
+namespace {
+
+using testing::HasSubstr;
+
+TubeFrame frame_with(std::int64_t number, TrackStatus status, std::vector<std::int64_t> ids) {
+  TubeFrame frame;
+  frame.frame = number;
+  frame.status = status;
+  frame.latency_ms = static_cast<double>(number + 1);
+  for (const auto id : ids) {
+    Tube tube;
+    tube.id = id;
+    tube.radius_m = 0.02 + 0.001 * static_cast<double>(number);
+    tube.length_m = 0.5;
+    frame.tubes.push_back(tube);
+  }
+  return frame;
+}
+
+TEST(Summary, CountsFramesTubesAndTimes) {
+  RunSummary summary;
+  add_frame(summary, frame_with(0, TrackStatus::ok, {1}));
+  add_frame(summary, frame_with(1, TrackStatus::corrupt, {}));
+  add_frame(summary, frame_with(2, TrackStatus::ok, {1, 4}));
+  add_frame(summary, frame_with(3, TrackStatus::empty, {}));
+  TubeFrame last = frame_with(4, TrackStatus::ok, {1});
+  last.dropped = 6;
+  add_frame(summary, last);
+  EXPECT_EQ(bad_frames(summary), 1);
+  const std::string text = summary_text(summary);
+  EXPECT_THAT(text, HasSubstr("frames 5, with tubes 3, bad 1 (1 corrupt), dropped 6\n"));
+  EXPECT_THAT(text, HasSubstr("tubes 2"));
+  EXPECT_THAT(text, HasSubstr("    1       22.0        500        3  0-4\n"));
+  EXPECT_THAT(text, HasSubstr("    4       22.0        500        1  2-2\n"));
+  // Frames 0, 2, 3 and 4 were tracked, in 1, 3, 4 and 5 ms.
+  EXPECT_THAT(text, HasSubstr("latency          3.00     5.00\n"));
+}
+
+TEST(Summary, FitsOnAPageWithAnyNumberOfTubes) {
+  RunSummary summary;
+  for (std::int64_t id = 0; id < 500; ++id) add_frame(summary, frame_with(id, TrackStatus::ok, {id}));
+  const std::string text = summary_text(summary);
+  EXPECT_LT(std::count(text.begin(), text.end(), '\n'), 40);
+  EXPECT_THAT(text, HasSubstr("and 480 more"));
+}
+
+}  // namespace
+}  // namespace tubetrack
