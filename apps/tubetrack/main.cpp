@@ -20,8 +20,12 @@ int run(int argc, char** argv) {
   app.footer(kFooter);
   app.require_subcommand(0, 1);
   tubetrack::add_replay(app, exit_code);
+  tubetrack::add_live(app, exit_code);
+  tubetrack::add_record(app, exit_code);
+  tubetrack::add_devices(app, exit_code);
   tubetrack::add_eval(app, exit_code);
   tubetrack::add_synth(app, exit_code);
+  tubetrack::add_tile(app, exit_code);
   try {
     app.parse(argc, argv);
   } catch (const CLI::Success& success) {  // --help, --version

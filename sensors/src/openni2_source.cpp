@@ -227,7 +227,7 @@ FrameOutcome OpenNi2Source::next(DepthFrame& frame, milliseconds patience) {
   constexpr milliseconds kSlice{50};
   const auto deadline = steady_clock::now() + patience;
   while (true) {
-    if (listener_.unplugged()) return refuse(FrameOutcome::device_lost, info_.name + ": the device was unplugged");
+    if (listener_.unplugged()) return refuse(FrameOutcome::device_lost, "the device was unplugged");
     const auto left = std::chrono::ceil<milliseconds>(deadline - steady_clock::now());
     const int wait_ms = static_cast<int>(std::clamp(left, milliseconds{0}, kSlice).count());
     openni::VideoStream* stream = &stream_;
@@ -235,13 +235,13 @@ FrameOutcome OpenNi2Source::next(DepthFrame& frame, milliseconds patience) {
     const openni::Status waited = openni::OpenNI::waitForAnyStream(&stream, 1, &ready, wait_ms);
     if (waited == openni::STATUS_OK) break;
     if (waited != openni::STATUS_TIME_OUT) {
-      return refuse(FrameOutcome::device_lost, fmt::format("{}: waiting failed: {}", info_.name, runtime_says()));
+      return refuse(FrameOutcome::device_lost, "waiting for a frame failed: " + runtime_says());
     }
     if (left <= milliseconds{0}) return FrameOutcome::timeout;
   }
   openni::VideoFrameRef device_frame;
   if (stream_.readFrame(&device_frame) != openni::STATUS_OK || !device_frame.isValid()) {
-    return refuse(FrameOutcome::device_lost, fmt::format("{}: reading failed: {}", info_.name, runtime_says()));
+    return refuse(FrameOutcome::device_lost, "reading a frame failed: " + runtime_says());
   }
   return hand_over(device_frame, frame);
 }
