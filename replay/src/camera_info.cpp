@@ -36,6 +36,7 @@ std::vector<double> matrix(const YAML::Node& root, const std::string& field) {
   }
   const YAML::Node data = node["data"];
   std::vector<double> values;
+  values.reserve(data.size());
   for (std::size_t i = 0; i < data.size(); ++i) {
     values.push_back(scalar<double>(data[i], fmt::format("{}.data[{}]", field, i), "a number"));
   }

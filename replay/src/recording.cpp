@@ -206,7 +206,13 @@ Expected<void> check_median_depth(const RecordedSequence& sequence, const DepthS
   return scale.from_file ? failed(std::move(text)) : usage(std::move(text));
 }
 
-Expected<FrameRange> clip_range(const RecordedSequence& sequence, FrameRange range) {
+/// Frames [begin, end) of the recording that the range asks for, at least one.
+struct Clip {
+  std::int64_t begin;
+  std::int64_t end;
+};
+
+Expected<Clip> clip_range(const RecordedSequence& sequence, FrameRange range) {
   const auto count = static_cast<std::int64_t>(sequence.frames.size());
   const std::int64_t end = std::min(range.end.value_or(count), count);
   if (range.begin < 0 || range.begin >= end) {
@@ -215,7 +221,7 @@ Expected<FrameRange> clip_range(const RecordedSequence& sequence, FrameRange ran
                     "not included",
                     range.begin, range.end ? std::to_string(*range.end) : "", sequence.path.string(), count - 1));
   }
-  return FrameRange{range.begin, end};
+  return Clip{range.begin, end};
 }
 
 }  // namespace
@@ -234,10 +240,10 @@ Expected<OpenedRecording> open_recording(const std::filesystem::path& path, cons
   if (auto plausible = check_median_depth(*sequence, *scale, *probe); !plausible) {
     return tl::make_unexpected(plausible.error());
   }
-  StreamInfo info{path.string(), *intrinsics, scale->metres_per_unit, sequence->has_poses, *range->end - range->begin};
+  StreamInfo info{path.string(), *intrinsics, scale->metres_per_unit, sequence->has_poses, range->end - range->begin};
   OpenedRecording opened;
   opened.notes = std::move(sequence->notes);
-  opened.source = play_sequence(std::move(sequence->frames), std::move(info), range->begin, *range->end, options.pace);
+  opened.source = play_sequence(std::move(sequence->frames), std::move(info), range->begin, range->end, options.pace);
   return opened;
 }
 

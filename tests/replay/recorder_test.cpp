@@ -81,8 +81,7 @@ TEST(Recorder, WhatIsWrittenIsReadBackBitForBit) {
     for (int v = 0; v < height; ++v) {
       ASSERT_TRUE(std::equal(seen[i].frame.row(v), seen[i].frame.row(v) + width, pixels[i].begin() + v * width));
     }
-    ASSERT_TRUE(seen[i].frame.world_from_camera.has_value());
-    EXPECT_TRUE(seen[i].frame.world_from_camera->isApprox(poses[i], 1e-14));
+    EXPECT_TRUE(pose_or_nan(seen[i].frame.world_from_camera).isApprox(poses[i], 1e-14));
   }
 }
 

@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 #include <unistd.h>
 
+#include <cmath>
 #include <cstdlib>
 #include <fstream>
 #include <opencv2/core.hpp>
@@ -78,6 +79,13 @@ std::vector<SeenFrame> play(FrameSource& source) {
     one.problem = source.last_problem();
     seen.push_back(std::move(one));
   }
+}
+
+Eigen::Isometry3d pose_or_nan(const std::optional<Eigen::Isometry3d>& pose) {
+  if (pose) return *pose;
+  Eigen::Isometry3d none;
+  none.matrix().setConstant(std::nan(""));
+  return none;
 }
 
 Error error_of(const std::filesystem::path& path, const RecordingOptions& options) {

@@ -51,6 +51,9 @@ struct SeenFrame {
 };
 std::vector<SeenFrame> play(FrameSource& source);
 
+/// A pose that is there; one full of NaN, equal to nothing, where there is none.
+Eigen::Isometry3d pose_or_nan(const std::optional<Eigen::Isometry3d>& pose);
+
 /// The error of opening; its message is "" when there is none.
 Error error_of(const std::filesystem::path& path, const RecordingOptions& options = {});
 
