@@ -44,10 +44,10 @@ int run_synth(const SynthOptions& options) {
     return report_error(Error::usage(
         "synth: SCENE or PATH is missing; takes a preset (see synth --list) or a .json file, and a folder to write"));
   }
-  // Below 1 µm nothing at arm's length fits in 16 bits, above 10 cm no tube is more than one step.
-  if (options.metres_per_unit && !(*options.metres_per_unit >= 1e-6 && *options.metres_per_unit <= 0.1)) {
+  // Below 10 µm nothing beyond 0.65 m fits in 16 bits, above 10 cm no tube is more than one step.
+  if (options.metres_per_unit && !(*options.metres_per_unit >= 1e-5 && *options.metres_per_unit <= 0.1)) {
     return report_error(Error::usage(
-        fmt::format("--depth-scale: got {:g}, takes metres per unit, 0.000001 to 0.1", *options.metres_per_unit)));
+        fmt::format("--depth-scale: got {:g}, takes metres per unit, 0.00001 to 0.1", *options.metres_per_unit)));
   }
   auto scene = load_scene(options.scene);
   if (!scene) return report_error(scene.error());

@@ -4,7 +4,6 @@
 #include <fstream>
 #include <initializer_list>
 #include <nlohmann/json.hpp>
-#include <sstream>
 #include <stdexcept>
 
 #include "tubetrack/replay/synthetic_scene.hpp"
@@ -214,10 +213,9 @@ Expected<Scene> read_scene_file(const std::filesystem::path& path) {
     return tl::make_unexpected(Error::usage(fmt::format("{}: {}", path.string(), why)));
   };
   std::ifstream file(path);
-  std::stringstream content;
-  if (!file || !(content << file.rdbuf())) return failed("cannot be read; takes a scene file, see docs/scene.md");
+  if (!file) return failed("cannot be read; takes a scene file, see docs/scene.md");
   try {
-    const Json json = Json::parse(content.str());
+    const Json json = Json::parse(file);
     Scene scene = read_scene({json, ""});
     scene.name = path.stem().string();
     if (auto valid = validate(scene); !valid) return failed(valid.error().message);

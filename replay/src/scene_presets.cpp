@@ -80,17 +80,18 @@ Scene pile_scene() {
   const double thick = 0.020;
   const double thin = 0.014;
   Scene scene;
-  scene.tubes = {
-      // two that touch, and a third in the groove between them
-      straight_tube(thick, table.at(-0.20, 0.0, thick), table.along(0.15, 1.0), 0.40),
-      straight_tube(thick, table.at(-0.20 + 2.0 * thick / std::cos(std::atan(0.15)), 0.0, thick),
-                    table.along(0.15, 1.0), 0.40),
-      straight_tube(thick, table.at(-0.20 + thick / std::cos(std::atan(0.15)), 0.02, thick + std::sqrt(3.0) * thick),
-                    table.along(0.15, 1.0), 0.34),
-      // two apart, and one that lies across both
-      straight_tube(thin, table.at(0.14, -0.08, thin), table.along(1.0, 0.1), 0.36),
-      straight_tube(thin, table.at(0.16, 0.10, thin), table.along(1.0, 0.05), 0.36),
-      straight_tube(0.0175, table.at(0.14, 0.01, 2.0 * thin + 0.0175), table.along(-0.4, 1.0), 0.36)};
+  scene.tubes = {// two that touch, and a third in the groove between them
+                 straight_tube(thick, table.at(-0.20, 0.0, thick), table.along(0.15, 1.0), 0.40),
+                 straight_tube(thick, table.at(-0.20 + 2.0 * thick / std::cos(std::atan(0.15)), 0.0, thick),
+                               table.along(0.15, 1.0), 0.40),
+                 straight_tube(thick,
+                               table.at(-0.20 + thick / std::cos(std::atan(0.15)) + 0.15 * 0.02, 0.02,
+                                        thick + std::sqrt(3.0) * thick),
+                               table.along(0.15, 1.0), 0.34),
+                 // two apart, and one that lies across both
+                 straight_tube(thin, table.at(0.14, -0.08, thin), table.along(1.0, 0.1), 0.36),
+                 straight_tube(thin, table.at(0.16, 0.10, thin), table.along(1.0, 0.05), 0.36),
+                 straight_tube(0.0175, table.at(0.14, 0.01, 2.0 * thin + 0.0175), table.along(-0.4, 1.0), 0.36)};
   scene.solids = {table.top()};
   return scene;
 }
