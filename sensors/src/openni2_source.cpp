@@ -214,6 +214,10 @@ Expected<void> OpenNi2Source::read_intrinsics(const OpenNi2Options& options) {
     const double horizontal_rad = static_cast<double>(stream_.getHorizontalFieldOfView());
     const double vertical_rad = static_cast<double>(stream_.getVerticalFieldOfView());
     in = intrinsics_from_field_of_view(in.width, in.height, horizontal_rad, vertical_rad);
+    // An angle said as a float holds f to some 1e-4 px. Rounded to 1e-3 px, what was a round number is one again: so a
+    // recording played by the virtual device gives the very bytes that it gives when read from disk.
+    in.fx_px = std::round(in.fx_px * 1e3) / 1e3;
+    in.fy_px = std::round(in.fy_px * 1e3) / 1e3;
   }
   if (const auto valid = validate(in); !valid) {
     return failed(fmt::format("{}: {}; the device's field of view can't be used, give --intrinsics fx,fy,cx,cy",

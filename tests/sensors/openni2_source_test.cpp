@@ -127,15 +127,15 @@ TEST_F(OpenNi2Source, EveryFrameIsTheRecordingsBitForBitUnmirroredWithItsTimesta
   }
 }
 
-TEST_F(OpenNi2Source, IntrinsicsComeFromTheFieldOfViewTo1e6) {
-  plug_in(1, 0.001, {640, 480, 571.25, 568.75, 319.5, 239.5, {}});
+TEST_F(OpenNi2Source, IntrinsicsComeFromTheFieldOfViewToAThousandthOfAPixel) {
+  plug_in(1, 0.001, {640, 480, 571.234, 568.751, 319.5, 239.5, {}});
   const auto source = open();
   ASSERT_TRUE(source);
   const Intrinsics& got = source->info().intrinsics;
   EXPECT_EQ(got.width, 640);
   EXPECT_EQ(got.height, 480);
-  EXPECT_NEAR(got.fx_px / in_.fx_px, 1.0, 1e-6);
-  EXPECT_NEAR(got.fy_px / in_.fy_px, 1.0, 1e-6);
+  EXPECT_EQ(got.fx_px, in_.fx_px);
+  EXPECT_EQ(got.fy_px, in_.fy_px);
   EXPECT_EQ(got.cx_px, 319.5);
   EXPECT_EQ(got.cy_px, 239.5);
 }

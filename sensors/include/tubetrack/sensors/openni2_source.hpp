@@ -32,7 +32,7 @@ struct OpenNi2Options {
 Expected<std::vector<DeviceDescription>> list_openni2_devices();
 
 /// Opens a device (empty URI: the first one) and starts its depth stream, mirroring off. Intrinsics come from the field
-/// of view, with the principal point in the centre: OpenNI2 can't say more.
+/// of view, f rounded to 1e-3 px, with the principal point in the centre: OpenNI2 can't say more.
 /// Frames carry the device's own timestamps, count from 0 by the device's index (a gap is counted in `dropped`) and own
 /// their pixels, so they may outlive the source. `device_lost` is final; a device that stalls gives `timeout`.
 Expected<std::unique_ptr<FrameSource>> open_openni2(const std::string& uri, const OpenNi2Options& options);
