@@ -44,7 +44,7 @@ Expected<std::vector<TubeFrame>> track_recording(const EvalOptions& options, con
   if (!recording) return tl::make_unexpected(recording.error());
   for (const std::string& note : recording->notes) fmt::print(stderr, "note: {}\n", note);
   FrameSource& source = *recording->source;
-  auto tracker = TubeTracker::create(*config, source.info().intrinsics);
+  auto tracker = create_tracker(*config, source.info().intrinsics);
   if (!tracker) return tl::make_unexpected(tracker.error());
   std::vector<TubeFrame> results;
   catch_interrupts();

@@ -51,7 +51,7 @@ Expected<int> live(const LiveOptions& options) {
   if (!source) return tl::make_unexpected(source.error());
   const StreamInfo& info = (*source)->info();
   if (!options.track.quiet) fmt::print(stderr, "note: {}\n", device_note(info, *reading));
-  auto tracker = TubeTracker::create(*config, info.intrinsics);
+  auto tracker = create_tracker(*config, info.intrinsics);
   if (!tracker) return tl::make_unexpected(tracker.error());
   RunOptions run = run_options_from(options.track, *config);
   run.realtime = true;

@@ -44,7 +44,7 @@ Expected<int> replay(const ReplayOptions& options) {
   if (!options.track.quiet) {
     for (const std::string& note : recording->notes) fmt::print(stderr, "note: {}\n", note);
   }
-  auto tracker = TubeTracker::create(*config, recording->source->info().intrinsics);
+  auto tracker = create_tracker(*config, recording->source->info().intrinsics);
   if (!tracker) return tl::make_unexpected(tracker.error());
   RunOptions run = run_options_from(options.track, *config);
   run.realtime = reading->pace == Pace::realtime;

@@ -174,6 +174,15 @@ Expected<TrackerConfig> tracker_config_from(const TrackOptions& options) {
   return config;
 }
 
+Expected<TubeTracker> create_tracker(const TrackerConfig& config, const Intrinsics& intrinsics) {
+  const bool inside = config.roi_u_px + config.roi_width_px <= intrinsics.width &&
+                      config.roi_v_px + config.roi_height_px <= intrinsics.height;
+  if (inside) return TubeTracker::create(config, intrinsics);
+  return tl::make_unexpected(Error::usage(
+      fmt::format("--roi {},{},{},{}: reaches beyond the image; takes u,v,w,h within {} x {} pixels", config.roi_u_px,
+                  config.roi_v_px, config.roi_width_px, config.roi_height_px, intrinsics.width, intrinsics.height)));
+}
+
 RunOptions run_options_from(const TrackOptions& options, const TrackerConfig& config) {
   RunOptions run;
   run.out = options.out;

@@ -25,6 +25,8 @@ void add_output_flags(CLI::App& command, TrackOptions& options);
 
 /// Defaults, then --config, then the flags; validated. Errors are of kind usage and name the flag.
 Expected<TrackerConfig> tracker_config_from(const TrackOptions& options);
+/// A tracker for this camera; besides what the tracker checks, the region of interest must lie in the image.
+Expected<TubeTracker> create_tracker(const TrackerConfig& config, const Intrinsics& intrinsics);
 /// The output flags, and the smallest radius for the check against the scene.
 RunOptions run_options_from(const TrackOptions& options, const TrackerConfig& config);
 
