@@ -47,7 +47,7 @@ TEST_F(RecordingOptionsTest, AFocalLengthThatCannotBeIsNamed) {
 TEST_F(RecordingOptionsTest, AFocalLengthInTheFlagThatCannotBeIsNamed) {
   RecordingOptions options = flags();
   for (const double focal : {0.0, -1.0, std::nan("")}) {
-    (*options.intrinsics_px)[1] = focal;
+    options.intrinsics_px = {500.0, focal, 7.5, 5.5};
     EXPECT_THAT(expect_error(Error::Kind::usage, options).message,
                 AllOf(HasSubstr("--intrinsics 500,"), HasSubstr("fy: got ")));
   }
