@@ -59,8 +59,8 @@ int run_synth(const SynthOptions& options) {
   if (auto written = write_synthetic_recording(*scene, noise_from(options), options.path); !written) {
     return report_error(written.error());
   }
-  fmt::print("{}: {}, {} x {} pixels, frames {}, tubes {}, seed {}{}\n", options.path, scene->name,
-             scene->camera.width, scene->camera.height, scene->frames, scene->tubes.size(), scene->seed,
+  fmt::print("{}: {}, {} x {} pixels, frames {}, tubes {}, seed {}{}\n", options.path, scene->name, scene->camera.width,
+             scene->camera.height, scene->frames, scene->tubes.size(), scene->seed,
              options.no_noise ? ", no noise" : "");
   return 0;
 }
