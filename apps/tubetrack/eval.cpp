@@ -78,7 +78,8 @@ Expected<void> evaluate(const EvalOptions& options) {
     const char* const end = options.skip.data() + options.skip.size();
     const auto read = std::from_chars(options.skip.data(), end, rules.first_frame);
     if (read.ptr != end || read.ec != std::errc() || rules.first_frame < 0) {
-      return tl::make_unexpected(Error::usage(fmt::format("--skip {}: takes a number of frames, like 30", options.skip)));
+      return tl::make_unexpected(
+          Error::usage(fmt::format("--skip {}: takes a number of frames, like 30", options.skip)));
     }
   }
   const auto truth_path = std::filesystem::path(options.recording) / "truth.jsonl";

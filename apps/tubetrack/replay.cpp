@@ -38,7 +38,8 @@ Expected<int> replay(const ReplayOptions& options) {
   }
   auto reading = recording_options_from(options.reading);
   if (!reading) return tl::make_unexpected(reading.error());
-  if (options.recording.empty()) return tl::make_unexpected(Error::usage("replay: give the RECORDING to follow tubes in"));
+  if (options.recording.empty())
+    return tl::make_unexpected(Error::usage("replay: give the RECORDING to follow tubes in"));
   auto recording = open_recording(options.recording, *reading);
   if (!recording) return tl::make_unexpected(recording.error());
   if (!options.track.quiet) {
@@ -61,8 +62,9 @@ void add_replay(CLI::App& app, int& exit_code) {
   add_tracker_flags(*command, options->track);
   add_recording_flags(*command, options->reading);
   command
-      ->add_option("--pace", options->reading.pace,
-                   "fast: every frame, as quickly as it goes (default); realtime: as recorded, dropping what is too late")
+      ->add_option(
+          "--pace", options->reading.pace,
+          "fast: every frame, as quickly as it goes (default); realtime: as recorded, dropping what is too late")
       ->type_name("fast|realtime");
   add_output_flags(*command, options->track);
   command->callback([options, &exit_code] {

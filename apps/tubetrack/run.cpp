@@ -11,20 +11,17 @@
 #include <cstdio>
 #include <cstring>
 #include <memory>
-#include <thread>
 #include <utility>
 #include <vector>
 
+#include "feed.hpp"
 #include "tubetrack/report/overlay.hpp"
 #include "tubetrack/report/result_json.hpp"
 #include "tubetrack/report/summary.hpp"
-#include "tubetrack/sensors/frame_queue.hpp"
 
 namespace tubetrack {
 
 namespace {
-
-constexpr std::chrono::milliseconds kPatience{100};  ///< how long Ctrl-C may have to wait for a silent source
 
 std::atomic<bool> g_interrupted{false};
 static_assert(std::atomic<bool>::is_always_lock_free, "set from a signal handler");
@@ -38,8 +35,8 @@ class LineWriter {
     writer.name_ = path.string();
     writer.file_.reset(std::fopen(path.c_str(), "w"));
     if (writer.file_) return writer;
-    return tl::make_unexpected(
-        Error::usage(fmt::format("--out {}: {}; give a file in an existing folder", path.string(), std::strerror(errno))));
+    return tl::make_unexpected(Error::usage(
+        fmt::format("--out {}: {}; give a file in an existing folder", path.string(), std::strerror(errno))));
   }
 
   Expected<void> write(std::string line) {
@@ -65,7 +62,8 @@ class LineWriter {
 /// A bar on a terminal, nothing elsewhere.
 class Progress {
  public:
-  Progress(bool quiet, std::optional<std::int64_t> total) : shown_(!quiet && isatty(STDERR_FILENO) != 0), total_(total) {}
+  Progress(bool quiet, std::optional<std::int64_t> total)
+      : shown_(!quiet && isatty(STDERR_FILENO) != 0), total_(total) {}
   ~Progress() { clear(); }
   Progress(const Progress&) = delete;
   Progress& operator=(const Progress&) = delete;
@@ -78,7 +76,8 @@ class Progress {
     if (total_ && *total_ > 0) {
       constexpr std::int64_t kWidth = 30;
       const auto done = static_cast<std::size_t>(std::min(kWidth, kWidth * summary.frames / *total_));
-      text = fmt::format("[{}{}] {}/{}", std::string(done, '#'), std::string(kWidth - done, ' '), summary.frames, *total_);
+      text =
+          fmt::format("[{}{}] {}/{}", std::string(done, '#'), std::string(kWidth - done, ' '), summary.frames, *total_);
     }
     fmt::print(stderr, "\r\x1b[K{}  tubes {}  bad {}  dropped {}", text, summary.tubes.size(), bad_frames(summary),
                summary.dropped);
@@ -95,85 +94,6 @@ class Progress {
   bool drawn_ = false;
   std::optional<std::int64_t> total_;
   std::chrono::steady_clock::time_point last_;
-};
-
-/// Owns its pixels afterwards: a queued frame outlives the source's next call.
-DepthFrame kept(const DepthFrame& frame) {
-  if (frame.keep_alive || frame.pixels == nullptr) return frame;
-  auto pixels = std::make_shared<std::vector<std::uint16_t>>();
-  pixels->reserve(static_cast<std::size_t>(frame.width) * static_cast<std::size_t>(frame.height));
-  for (int v = 0; v < frame.height; ++v) pixels->insert(pixels->end(), frame.row(v), frame.row(v) + frame.width);
-  DepthFrame copy = frame;
-  copy.pixels = pixels->data();
-  copy.stride_bytes = static_cast<std::size_t>(frame.width) * sizeof(std::uint16_t);
-  copy.keep_alive = std::move(pixels);
-  return copy;
-}
-
-/// Frames one after the other, straight from the source or through a queue that a second thread fills.
-class Feed {
- public:
-  Feed(FrameSource& source, const RunOptions& options)
-      : source_(source), options_(options), queue_(options.queue_frames) {
-    if (options_.realtime) thread_ = std::thread([this] { capture(); });
-  }
-  ~Feed() {
-    stop_ = true;
-    queue_.close();
-    if (thread_.joinable()) thread_.join();
-  }
-  Feed(const Feed&) = delete;
-  Feed& operator=(const Feed&) = delete;
-
-  /// The next frame; outcome `timeout` where none came within kPatience.
-  Expected<QueuedFrame> next() {
-    if (!options_.realtime) return fetch();
-    QueuedFrame item;
-    if (!queue_.pop(item, kPatience)) item.outcome = FrameOutcome::timeout;
-    // Written by the capturing thread before it pushed device_lost, so that the queue's lock orders the two.
-    if (item.outcome == FrameOutcome::device_lost && tap_error_) return tl::make_unexpected(*tap_error_);
-    return item;
-  }
-
-  std::int64_t dropped() const { return source_dropped_ + queue_.dropped(); }
-
- private:
-  Expected<QueuedFrame> fetch() {
-    QueuedFrame item;
-    item.outcome = source_.next(item.frame, kPatience);
-    source_dropped_ = source_.dropped();
-    if (item.outcome == FrameOutcome::corrupt || item.outcome == FrameOutcome::device_lost) {
-      item.problem = source_.last_problem();
-    }
-    if (item.outcome == FrameOutcome::ok && options_.on_frame) {
-      if (auto seen = options_.on_frame(item.frame); !seen) return tl::make_unexpected(seen.error());
-    }
-    return item;
-  }
-
-  void capture() {
-    while (!stop_) {
-      auto item = fetch();
-      if (!item) {
-        tap_error_ = std::move(item.error());
-        queue_.push({FrameOutcome::device_lost, {}, {}});
-        return;
-      }
-      if (item->outcome == FrameOutcome::timeout) continue;
-      const bool last = item->outcome == FrameOutcome::end_of_stream || item->outcome == FrameOutcome::device_lost;
-      if (item->outcome == FrameOutcome::ok) item->frame = kept(item->frame);
-      queue_.push(std::move(*item));
-      if (last) return;
-    }
-  }
-
-  FrameSource& source_;
-  const RunOptions& options_;
-  FrameQueue queue_;
-  std::thread thread_;
-  std::atomic<bool> stop_{false};
-  std::atomic<std::int64_t> source_dropped_{0};  ///< read on the source's own thread
-  std::optional<Error> tap_error_;
 };
 
 Expected<void> check_radius(double radius_m, const DepthFrame& frame, const std::string& name) {
@@ -269,7 +189,9 @@ void catch_interrupts() {
   sigaction(SIGTERM, &action, nullptr);
 }
 
-bool interrupted() { return g_interrupted; }
+bool interrupted() {
+  return g_interrupted;
+}
 
 double median_depth_m(const DepthFrame& frame) {
   std::vector<std::uint16_t> values;
@@ -310,7 +232,8 @@ int run_tracker(FrameSource& source, TubeTracker& tracker, const RunOptions& opt
     if (auto made = make_folder(options.overlay_dir); !made) return report_error(made.error());
   }
   catch_interrupts();
-  Run run{source, tracker, options, std::move(*writer), {source, options}, {options.quiet, source.info().frame_count}, {}};
+  Run run{source, tracker, options, std::move(*writer), {source, options}, {options.quiet, source.info().frame_count},
+          {}};
   const auto ended = loop(run);
   run.progress.clear();
   if (!options.quiet && run.summary.frames > 0) fmt::print(stderr, "{}", summary_text(run.summary));

@@ -55,7 +55,7 @@ Expected<void> apply_radius(const TrackOptions& options, TrackerConfig& config) 
   if (!options.radius.empty()) {
     const auto radius = number_from<double>(options.radius);
     if (!radius || *radius <= 0.0) return malformed("--radius", options.radius, kRadiusForm);
-    config.radius_m = *radius;
+    config.radius_m = radius;
   }
   if (!options.radius_range.empty()) {
     const auto range = numbers_from<double, 2>(options.radius_range, ':');
@@ -108,7 +108,8 @@ Expected<void> apply_machine(const TrackOptions& options, TrackerConfig& config)
     config.threads = *threads;
   }
   if (options.map == "plane") {
-    return tl::make_unexpected(Error::usage("--map plane: is not in this version; leave --map out, or say --map image"));
+    return tl::make_unexpected(
+        Error::usage("--map plane: is not in this version; leave --map out, or say --map image"));
   }
   if (!options.map.empty() && options.map != "image") return malformed("--map", options.map, "image");
   return {};
@@ -145,9 +146,11 @@ void add_tracker_flags(CLI::App& command, TrackOptions& options) {
   command.add_option("--noise", options.noise, "the sensor's noise: kinect1, stereo, tof, or a JSON file")
       ->type_name("NAME|FILE");
   command.add_option("--map", options.map, "the height map's grid: image (the depth pixels)")->type_name("image");
-  command.add_option("--threads", options.threads, "threads to track with; results do not depend on it")->type_name("N");
+  command.add_option("--threads", options.threads, "threads to track with; results do not depend on it")
+      ->type_name("N");
   command.add_option("--config", options.config, "settings from a JSON file; flags win over it")->type_name("FILE");
-  command.add_flag("--print-config", options.print_config, "print every setting as used, as JSON for --config, and end");
+  command.add_flag("--print-config", options.print_config,
+                   "print every setting as used, as JSON for --config, and end");
 }
 
 void add_output_flags(CLI::App& command, TrackOptions& options) {
@@ -221,7 +224,8 @@ Expected<RecordingOptions> recording_options_from(const RecordingFlags& flags) {
   if (!flags.intrinsics.empty()) {
     const auto intrinsics = numbers_from<double, 4>(flags.intrinsics, ',');
     if (!intrinsics || (*intrinsics)[0] <= 0.0 || (*intrinsics)[1] <= 0.0) {
-      return malformed("--intrinsics", flags.intrinsics, "fx,fy,cx,cy in pixels, fx and fy > 0, like 525,525,319.5,239.5");
+      return malformed("--intrinsics", flags.intrinsics,
+                       "fx,fy,cx,cy in pixels, fx and fy > 0, like 525,525,319.5,239.5");
     }
     options.intrinsics_px = *intrinsics;
   }
@@ -230,7 +234,7 @@ Expected<RecordingOptions> recording_options_from(const RecordingFlags& flags) {
     if (!scale || *scale <= 0.0) {
       return malformed("--depth-scale", flags.depth_scale, "metres of one depth unit, above 0, like 0.001");
     }
-    options.metres_per_unit = *scale;
+    options.metres_per_unit = scale;
   }
   if (flags.pace == "realtime") {
     options.pace = Pace::realtime;

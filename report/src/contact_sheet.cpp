@@ -43,7 +43,8 @@ Expected<void> write_contact_sheet(const std::filesystem::path& path, std::span<
       if (i == 0) {
         size = {tile_width_px, tile_width_px * picture.rows / picture.cols};
         const int rows = (static_cast<int>(pictures.size()) + columns - 1) / columns;
-        sheet = cv::Mat(rows * (size.height + kGap_px), columns * (size.width + kGap_px), CV_8UC3, cv::Scalar::all(255));
+        sheet =
+            cv::Mat(rows * (size.height + kGap_px), columns * (size.width + kGap_px), CV_8UC3, cv::Scalar::all(255));
       }
       const int row = static_cast<int>(i) / columns, column = static_cast<int>(i) % columns;
       const cv::Rect place({column * (size.width + kGap_px), row * (size.height + kGap_px)}, size);

@@ -15,9 +15,9 @@ namespace tubetrack {
 namespace {
 
 // Colours that stay apart on grey, also for most colour-blind readers; blue, green, red.
-const std::array<cv::Scalar, 8> kColors = {cv::Scalar(0, 159, 230), cv::Scalar(233, 180, 86), cv::Scalar(115, 198, 0),
-                                           cv::Scalar(66, 228, 240), cv::Scalar(200, 130, 255), cv::Scalar(255, 255, 120),
-                                           cv::Scalar(80, 80, 255),  cv::Scalar(255, 120, 200)};
+const std::array<cv::Scalar, 8> kColors = {
+    cv::Scalar(0, 159, 230),   cv::Scalar(233, 180, 86),  cv::Scalar(115, 198, 0), cv::Scalar(66, 228, 240),
+    cv::Scalar(200, 130, 255), cv::Scalar(255, 255, 120), cv::Scalar(80, 80, 255), cv::Scalar(255, 120, 200)};
 constexpr double kNearest_m = 0.05;  ///< nothing nearer is drawn: it would project wildly
 
 struct TubeOutline {
@@ -86,10 +86,12 @@ TubeOutline outline(const Tube& tube, const Intrinsics& intrinsics, const Eigen:
   return result;
 }
 
-cv::Scalar paler(const cv::Scalar& color) { return color * 0.5 + cv::Scalar(60, 60, 60); }
+cv::Scalar paler(const cv::Scalar& color) {
+  return color * 0.5 + cv::Scalar(60, 60, 60);
+}
 
-void draw_line(cv::Mat& picture, const std::vector<std::optional<cv::Point2d>>& points, const std::vector<bool>& visible,
-               const cv::Scalar& color, int thickness_px) {
+void draw_line(cv::Mat& picture, const std::vector<std::optional<cv::Point2d>>& points,
+               const std::vector<bool>& visible, const cv::Scalar& color, int thickness_px) {
   constexpr double kDash_px = 6.0;
   constexpr int kShift = 4;  // drawn in 1/16 pixels
   const auto line = [&](const cv::Point2d& a, const cv::Point2d& b, const cv::Scalar& c) {
@@ -97,19 +99,21 @@ void draw_line(cv::Mat& picture, const std::vector<std::optional<cv::Point2d>>& 
   };
   double drawn_px = 0.0;
   for (std::size_t i = 0; i + 1 < points.size(); ++i) {
-    if (!points[i] || !points[i + 1]) continue;
+    const auto& from = points[i];
+    const auto& to = points[i + 1];
+    if (!from || !to) continue;
     const bool seen = i + 1 >= visible.size() || (visible[i] && visible[i + 1]);
     if (seen) {
-      line(*points[i], *points[i + 1], color);
+      line(*from, *to, color);
       continue;
     }
     // Short pieces, every other one drawn: the dashes go on across nodes.
-    const cv::Point2d way = *points[i + 1] - *points[i];
+    const cv::Point2d way = *to - *from;
     const double length_px = std::hypot(way.x, way.y);
     const int pieces = std::max(1, static_cast<int>(std::ceil(std::min(length_px, 4000.0) / 2.0)));
     for (int k = 0; k < pieces; ++k) {
       if (static_cast<int>((drawn_px + length_px * k / pieces) / kDash_px) % 2 == 0) {
-        line(*points[i] + way * (static_cast<double>(k) / pieces), *points[i] + way * (k + 1.0) / pieces, paler(color));
+        line(*from + way * (static_cast<double>(k) / pieces), *from + way * (k + 1.0) / pieces, paler(color));
       }
     }
     drawn_px += length_px;
@@ -127,14 +131,15 @@ void draw_text(cv::Mat& picture, const std::string& text, cv::Point at, double s
 
 void draw_tube(cv::Mat& picture, const Tube& tube, const Intrinsics& intrinsics,
                const Eigen::Isometry3d& camera_from_result, double text_scale) {
-  const cv::Scalar color = kColors[static_cast<std::size_t>(std::abs(tube.id)) % kColors.size()];
+  const cv::Scalar& color = kColors[static_cast<std::size_t>(std::abs(tube.id)) % kColors.size()];
   const TubeOutline lines = outline(tube, intrinsics, camera_from_result);
   draw_line(picture, lines.left, tube.node_visible, color, 1);
   draw_line(picture, lines.right, tube.node_visible, color, 1);
   draw_line(picture, lines.middle, tube.node_visible, color, 2);
   for (std::size_t i = lines.middle.size() / 2; i < lines.middle.size(); ++i) {
-    if (!lines.middle[i]) continue;
-    const cv::Point at(static_cast<int>(lines.middle[i]->x) + 8, static_cast<int>(lines.middle[i]->y) - 4);
+    const auto& point = lines.middle[i];
+    if (!point) continue;
+    const cv::Point at(static_cast<int>(point->x) + 8, static_cast<int>(point->y) - 4);
     draw_text(picture, fmt::format("{}: {:.1f} mm", tube.id, tube.radius_m * 1e3), at, text_scale, color);
     break;
   }
@@ -151,13 +156,16 @@ Expected<void> write_overlay(const std::filesystem::path& path, const DepthFrame
                                                      : Eigen::Isometry3d::Identity();
     const double text_scale = std::max(0.4, 0.5 * frame.width / 640.0);
     for (const Tube& tube : result.tubes) draw_tube(picture, tube, intrinsics, camera_from_result, text_scale);
-    const std::string caption = fmt::format("frame {}   {:.3f} s   {} tube{}   radius in mm", result.frame,
-                                            result.timestamp_s, result.tubes.size(), result.tubes.size() == 1 ? "" : "s");
+    const std::string caption =
+        fmt::format("frame {}   {:.3f} s   {} tube{}   radius in mm", result.frame, result.timestamp_s,
+                    result.tubes.size(), result.tubes.size() == 1 ? "" : "s");
     draw_text(picture, caption, {6, picture.rows - 8}, text_scale, cv::Scalar(255, 255, 255));
     if (cv::imwrite(path.string(), picture)) return {};
-    return tl::make_unexpected(Error::failed(fmt::format("{}: the overlay cannot be written; is the disk full?", path.string())));
+    return tl::make_unexpected(
+        Error::failed(fmt::format("{}: the overlay cannot be written; is the disk full?", path.string())));
   } catch (const cv::Exception& problem) {
-    return tl::make_unexpected(Error::failed(fmt::format("{}: the overlay cannot be written: {}", path.string(), problem.err)));
+    return tl::make_unexpected(
+        Error::failed(fmt::format("{}: the overlay cannot be written: {}", path.string(), problem.err)));
   }
 }
 

@@ -39,8 +39,12 @@ Enum value_of(const std::pair<Enum, std::string_view> (&names)[n], const std::st
 }
 
 /// To `step`, without −0: lines stay short, and equal results give equal bytes.
-double rounded(double value, double per_unit) { return std::round(value * per_unit) / per_unit + 0.0; }
-double micro(double value) { return rounded(value, 1e6); }
+double rounded(double value, double per_unit) {
+  return std::round(value * per_unit) / per_unit + 0.0;
+}
+double micro(double value) {
+  return rounded(value, 1e6);
+}
 
 double three_digits(double value) {
   if (value == 0.0 || !std::isfinite(value)) return value;
@@ -49,9 +53,8 @@ double three_digits(double value) {
 }
 
 Json segment_json(const Segment& segment) {
-  Json json{{"type", name_of(kSegmentNames, segment.type)},
-            {"from_m", micro(segment.from_m)},
-            {"to_m", micro(segment.to_m)}};
+  Json json{
+      {"type", name_of(kSegmentNames, segment.type)}, {"from_m", micro(segment.from_m)}, {"to_m", micro(segment.to_m)}};
   if (segment.type == Segment::Type::arc) {
     json["bend_radius_m"] = micro(segment.bend_radius_m);
     json["bend_angle_rad"] = micro(segment.bend_angle_rad);
@@ -138,7 +141,9 @@ TubeFrame frame_from(const Json& json) {
 
 }  // namespace
 
-std::string_view status_name(TrackStatus status) { return name_of(kStatusNames, status); }
+std::string_view status_name(TrackStatus status) {
+  return name_of(kStatusNames, status);
+}
 
 std::string result_line(const TubeFrame& frame, bool with_timing) {
   Json json{{"frame", frame.frame},
@@ -150,9 +155,12 @@ std::string result_line(const TubeFrame& frame, bool with_timing) {
   if (with_timing) {
     const StageTimes& t = frame.stages;
     json["latency_ms"] = rounded(frame.latency_ms, 1e3);
-    json["stages_ms"] = {{"update", rounded(t.update_ms, 1e3)},         {"normals", rounded(t.normals_ms, 1e3)},
-                         {"accumulate", rounded(t.accumulate_ms, 1e3)}, {"trace", rounded(t.trace_ms, 1e3)},
-                         {"fit", rounded(t.fit_ms, 1e3)},               {"segment", rounded(t.segment_ms, 1e3)}};
+    json["stages_ms"] = {{"update", rounded(t.update_ms, 1e3)},
+                         {"normals", rounded(t.normals_ms, 1e3)},
+                         {"accumulate", rounded(t.accumulate_ms, 1e3)},
+                         {"trace", rounded(t.trace_ms, 1e3)},
+                         {"fit", rounded(t.fit_ms, 1e3)},
+                         {"segment", rounded(t.segment_ms, 1e3)}};
   }
   json["tubes"] = Json::array();
   for (const Tube& tube : frame.tubes) json["tubes"].push_back(tube_json(tube));
@@ -171,8 +179,8 @@ Expected<TubeFrame> parse_result_line(std::string_view line) {
 Expected<std::vector<TubeFrame>> read_result_lines(const std::filesystem::path& path) {
   std::ifstream file(path);
   if (!file) {
-    return tl::make_unexpected(
-        Error::failed(fmt::format("{}: cannot be opened; give a file that `tubetrack replay --out` wrote", path.string())));
+    return tl::make_unexpected(Error::failed(
+        fmt::format("{}: cannot be opened; give a file that `tubetrack replay --out` wrote", path.string())));
   }
   std::vector<TubeFrame> frames;
   std::string line;
@@ -180,7 +188,8 @@ Expected<std::vector<TubeFrame>> read_result_lines(const std::filesystem::path& 
     if (line.empty()) continue;
     auto frame = parse_result_line(line);
     if (!frame) {
-      return tl::make_unexpected(Error::failed(fmt::format("{}, line {}: {}", path.string(), number, frame.error().message)));
+      return tl::make_unexpected(
+          Error::failed(fmt::format("{}, line {}: {}", path.string(), number, frame.error().message)));
     }
     frames.push_back(std::move(*frame));
   }

@@ -16,7 +16,9 @@ namespace {
 
 constexpr double kUndefined = std::numeric_limits<double>::quiet_NaN();
 
-double quotient(double part, double whole) { return whole > 0.0 ? part / whole : kUndefined; }
+double quotient(double part, double whole) {
+  return whole > 0.0 ? part / whole : kUndefined;
+}
 
 /// What one reported tube has to do with each true tube of its frame.
 struct ReportedTube {
@@ -29,10 +31,10 @@ struct ReportedTube {
 struct Tally {
   std::map<std::int64_t, TubeScore> tubes;
   TubeScore total;
-  std::map<std::int64_t, std::int64_t> last_reported;                        ///< by true id
-  std::map<std::int64_t, std::int64_t> last_true;                            ///< by reported id
-  std::map<std::pair<std::int64_t, std::int64_t>, std::int64_t> hits;        ///< by (true id, reported id): frames
-  std::map<std::int64_t, std::int64_t> reported_frames;                      ///< by reported id
+  std::map<std::int64_t, std::int64_t> last_reported;                  ///< by true id
+  std::map<std::int64_t, std::int64_t> last_true;                      ///< by reported id
+  std::map<std::pair<std::int64_t, std::int64_t>, std::int64_t> hits;  ///< by (true id, reported id): frames
+  std::map<std::int64_t, std::int64_t> reported_frames;                ///< by reported id
 };
 
 void add_coverage(const TruthFrame& truth, const TubeFrame& result, const ScoreRules& rules, Tally& tally) {
@@ -50,8 +52,8 @@ void add_coverage(const TruthFrame& truth, const TubeFrame& result, const ScoreR
   }
 }
 
-/// Adds false length, RMS and lengths; returns what the matching needs. A sample belongs to the true tube that is nearest
-/// in radii; without any true tube it is false and belongs to the total alone.
+/// Adds false length, RMS and lengths; returns what the matching needs. A sample belongs to the true tube that is
+/// nearest in radii; without any true tube it is false and belongs to the total alone.
 ReportedTube add_reported(const TruthFrame& truth, const Tube& reported, const ScoreRules& rules, Tally& tally) {
   ReportedTube overlap{reported.id, 0.0, std::vector<double>(truth.tubes.size(), 0.0)};
   const LineSamples samples = resample(reported.centerline_m, rules.sample_step_m);
@@ -95,7 +97,8 @@ std::vector<int> match(const TruthFrame& truth, const std::vector<ReportedTube>&
 }
 
 bool required(const TrueTube& tube, const ScoreRules& rules) {
-  std::size_t visible = tube.visible.size() < tube.centerline_m.size() ? tube.centerline_m.size() - tube.visible.size() : 0;
+  std::size_t visible =
+      tube.visible.size() < tube.centerline_m.size() ? tube.centerline_m.size() - tube.visible.size() : 0;
   visible += static_cast<std::size_t>(std::count(tube.visible.begin(), tube.visible.end(), true));
   // The truth's own samples are 2 mm apart by its definition.
   return static_cast<double>(visible) * 0.002 >=
@@ -171,8 +174,12 @@ void pool(Tally& tally) {
 double TubeScore::coverage() const {
   return quotient(static_cast<double>(covered_samples), static_cast<double>(visible_samples));
 }
-double TubeScore::false_length() const { return quotient(false_m, reported_m); }
-double TubeScore::rms_m() const { return std::sqrt(quotient(squared_error_m2, static_cast<double>(matched_samples))); }
+double TubeScore::false_length() const {
+  return quotient(false_m, reported_m);
+}
+double TubeScore::rms_m() const {
+  return std::sqrt(quotient(squared_error_m2, static_cast<double>(matched_samples)));
+}
 double TubeScore::radius_error_median() const {
   if (radius_errors.empty()) return kUndefined;
   std::vector<double> sorted = radius_errors;
@@ -210,6 +217,7 @@ Expected<Score> score_run(std::span<const TruthFrame> truth, std::span<const Tub
     ++score.frames_scored;
     add_coverage(frame, *result, rules, tally);
     std::vector<ReportedTube> reported;
+    reported.reserve(result->tubes.size());
     for (const Tube& tube : result->tubes) reported.push_back(add_reported(frame, tube, rules, tally));
     add_identity(frame, *result, reported, rules, tally);
     for (const TrueTube& tube : frame.tubes) tally.tubes[tube.id].true_radius_m = tube.radius_m;

@@ -47,9 +47,9 @@ LineSamples resample(std::span<const Eigen::Vector3d> line, double step_m) {
 std::vector<int> best_assignment(const std::vector<double>& gain, int rows, int cols) {
   const int n = std::max(rows, cols);
   const auto cost = [&](int r, int c) {
-    return r < rows && c < cols ? -gain[static_cast<std::size_t>(r) * static_cast<std::size_t>(cols) +
-                                        static_cast<std::size_t>(c)]
-                                : 0.0;
+    return r < rows && c < cols
+               ? -gain[static_cast<std::size_t>(r) * static_cast<std::size_t>(cols) + static_cast<std::size_t>(c)]
+               : 0.0;
   };
   const auto size = static_cast<std::size_t>(n) + 1;
   std::vector<double> row_potential(size, 0.0), col_potential(size, 0.0);

@@ -10,7 +10,9 @@ namespace tubetrack {
 
 namespace {
 
-std::string number(double value, int digits) { return std::isfinite(value) ? fmt::format("{:.{}f}", value, digits) : "-"; }
+std::string number(double value, int digits) {
+  return std::isfinite(value) ? fmt::format("{:.{}f}", value, digits) : "-";
+}
 
 nlohmann::ordered_json number_json(double value) {
   if (!std::isfinite(value)) return nullptr;
@@ -35,8 +37,8 @@ nlohmann::ordered_json tube_json(const TubeScore& t) {
 std::string score_table(const Score& score) {
   std::string text;
   auto out = std::back_inserter(text);
-  fmt::format_to(out, "{:>5} {:>9} {:>7} {:>11} {:>7} {:>14} {:>15} {:>6} {:>9} {:>10}\n", "tube", "radius mm", "frames",
-                 "coverage %", "RMS mm", "false length %", "radius error %", "IDF1", "switches", "transfers");
+  fmt::format_to(out, "{:>5} {:>9} {:>7} {:>11} {:>7} {:>14} {:>15} {:>6} {:>9} {:>10}\n", "tube", "radius mm",
+                 "frames", "coverage %", "RMS mm", "false length %", "radius error %", "IDF1", "switches", "transfers");
   const auto row = [&](const std::string& name, const std::string& radius, const TubeScore& t) {
     fmt::format_to(out, "{:>5} {:>9} {:>7} {:>11} {:>7} {:>14} {:>15} {:>6} {:>9} {:>10}\n", name, radius,
                    t.frames_in_view, number(100.0 * t.coverage(), 2), number(1e3 * t.rms_m(), 3),
@@ -51,17 +53,16 @@ std::string score_table(const Score& score) {
   if (score.frames_bad > 0) fmt::format_to(out, ", {} bad", score.frames_bad);
   if (score.frames_not_run > 0) fmt::format_to(out, ", {} without a result", score.frames_not_run);
   if (score.frames_without_truth > 0) fmt::format_to(out, ", {} results without truth", score.frames_without_truth);
-  fmt::format_to(out, "; {:.2f} m of centreline reported, {:.2f} m false\n", score.total.reported_m, score.total.false_m);
+  fmt::format_to(out, "; {:.2f} m of centreline reported, {:.2f} m false\n", score.total.reported_m,
+                 score.total.false_m);
   return text;
 }
 
 std::string score_json(const Score& score) {
-  nlohmann::ordered_json json{{"frames_scored", score.frames_scored},
-                              {"frames_bad", score.frames_bad},
-                              {"frames_not_run", score.frames_not_run},
-                              {"frames_without_truth", score.frames_without_truth},
-                              {"total", tube_json(score.total)},
-                              {"tubes", nlohmann::ordered_json::array()}};
+  nlohmann::ordered_json json{
+      {"frames_scored", score.frames_scored},   {"frames_bad", score.frames_bad},
+      {"frames_not_run", score.frames_not_run}, {"frames_without_truth", score.frames_without_truth},
+      {"total", tube_json(score.total)},        {"tubes", nlohmann::ordered_json::array()}};
   for (const TubeScore& tube : score.tubes) {
     nlohmann::ordered_json row{{"id", tube.id}, {"radius_m", number_json(tube.true_radius_m)}};
     row.update(tube_json(tube));

@@ -25,6 +25,7 @@ double quantile(std::vector<float> values, double part) {
 
 void append_tubes(std::string& text, const RunSummary& summary) {
   std::vector<const std::pair<const std::int64_t, RunSummary::TubeTotals>*> tubes;
+  tubes.reserve(summary.tubes.size());
   for (const auto& tube : summary.tubes) tubes.push_back(&tube);
   std::stable_sort(tubes.begin(), tubes.end(),
                    [](const auto* a, const auto* b) { return a->second.frames > b->second.frames; });
@@ -42,9 +43,12 @@ void append_tubes(std::string& text, const RunSummary& summary) {
 
 void append_times(std::string& text, const RunSummary& summary) {
   if (summary.latency_ms.empty()) return;
-  constexpr std::pair<const char*, double StageTimes::*> kStages[] = {
-      {"update", &StageTimes::update_ms}, {"normals", &StageTimes::normals_ms}, {"accumulate", &StageTimes::accumulate_ms},
-      {"trace", &StageTimes::trace_ms},   {"fit", &StageTimes::fit_ms},         {"segment", &StageTimes::segment_ms}};
+  constexpr std::pair<const char*, double StageTimes::*> kStages[] = {{"update", &StageTimes::update_ms},
+                                                                      {"normals", &StageTimes::normals_ms},
+                                                                      {"accumulate", &StageTimes::accumulate_ms},
+                                                                      {"trace", &StageTimes::trace_ms},
+                                                                      {"fit", &StageTimes::fit_ms},
+                                                                      {"segment", &StageTimes::segment_ms}};
   auto out = std::back_inserter(text);
   const auto row = [&](const char* name, const std::vector<float>& values) {
     fmt::format_to(out, "  {:<12} {:>8.2f} {:>8.2f}\n", name, quantile(values, 0.5), quantile(values, 0.99));
@@ -53,6 +57,7 @@ void append_times(std::string& text, const RunSummary& summary) {
   row("latency", summary.latency_ms);
   for (const auto& [name, member] : kStages) {
     std::vector<float> values;
+    values.reserve(summary.stages.size());
     for (const StageTimes& times : summary.stages) values.push_back(static_cast<float>(times.*member));
     row(name, values);
   }
@@ -90,8 +95,8 @@ std::int64_t bad_frames(const RunSummary& summary) {
 }
 
 std::string summary_text(const RunSummary& summary) {
-  std::string text = fmt::format("frames {}, with tubes {}, bad {}", summary.frames, summary.frames_with_tubes,
-                                 bad_frames(summary));
+  std::string text =
+      fmt::format("frames {}, with tubes {}, bad {}", summary.frames, summary.frames_with_tubes, bad_frames(summary));
   for (const auto& [status, frames] : summary.bad) text += fmt::format(" ({} {})", frames, status_name(status));
   text += fmt::format(", dropped {}\n", summary.dropped);
   append_tubes(text, summary);

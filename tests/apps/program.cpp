@@ -25,7 +25,9 @@ std::string read_text(const std::filesystem::path& path) {
   return {std::istreambuf_iterator<char>(file), {}};
 }
 
-std::vector<std::string> ProgramEnd::out_lines() const { return lines_of(out); }
+std::vector<std::string> ProgramEnd::out_lines() const {
+  return lines_of(out);
+}
 
 std::vector<std::string> ProgramEnd::error_lines() const {
   std::vector<std::string> lines = lines_of(err);
@@ -55,7 +57,9 @@ Program::~Program() {
   waitpid(pid_, &status_, 0);
 }
 
-void Program::send(int signal) const { kill(pid_, signal); }
+void Program::send(int signal) const {
+  kill(pid_, signal);
+}
 
 bool Program::running() {
   if (!ended_) ended_ = waitpid(pid_, &status_, WNOHANG) == pid_;

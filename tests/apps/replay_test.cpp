@@ -159,8 +159,7 @@ class Interrupted : public Replay, public testing::WithParamInterface<int> {};
 TEST_P(Interrupted, EndsWithTheLastFullLineWrittenAndTheSummary) {
   write_tum(recording_.path(), 600);  // a minute
   const auto file = output_ / "a.jsonl";
-  Program program(output_.path(),
-                  {"replay", recording_.path().string(), "--pace", "realtime", "--out", file.string()});
+  Program program(output_.path(), {"replay", recording_.path().string(), "--pace", "realtime", "--out", file.string()});
   while (program.running() && lines_of(read_text(file)).size() < 2) {
     std::this_thread::sleep_for(std::chrono::milliseconds(5));
   }
@@ -182,7 +181,9 @@ TEST_F(Replay, AMissingFolderIsNamed) {
   expect_refused(run({"replay", "/nowhere/recording"}), 2, {"/nowhere/recording", "no such file"});
 }
 
-TEST_F(Replay, AFolderWithoutFramesIsRefused) { expect_refused(replay(), 1, {recording_.path().string(), "no "}); }
+TEST_F(Replay, AFolderWithoutFramesIsRefused) {
+  expect_refused(replay(), 1, {recording_.path().string(), "no "});
+}
 
 TEST_F(Replay, EightBitAndColourImagesAreRefused) {
   const std::vector<std::string> flags = {"--intrinsics", "500,500,8,6", "--depth-scale", "0.001"};
@@ -258,7 +259,9 @@ struct BadFlag {
   std::vector<std::string> words;
 };
 
-void PrintTo(const BadFlag& bad, std::ostream* out) { *out << testing::PrintToString(bad.flags); }
+void PrintTo(const BadFlag& bad, std::ostream* out) {
+  *out << testing::PrintToString(bad.flags);
+}
 
 class MalformedFlag : public Replay, public testing::WithParamInterface<BadFlag> {};
 

@@ -53,8 +53,8 @@ TEST_F(Overlay, DrawsCentrelineAndSilhouettesWhereTheyProject) {
   const cv::Mat picture = written();
   ASSERT_EQ(picture.size(), cv::Size(640, 480));
   // The line of sight that grazes a cylinder of radius R at distance d has slope R / √(d² − R²).
-  const int half_px = static_cast<int>(
-      std::lround(570.0 * kRadius_m / std::sqrt(kDepth_m * kDepth_m - kRadius_m * kRadius_m)));
+  const int half_px =
+      static_cast<int>(std::lround(570.0 * kRadius_m / std::sqrt(kDepth_m * kDepth_m - kRadius_m * kRadius_m)));
   EXPECT_TRUE(coloured(picture, 230, 240));
   EXPECT_TRUE(coloured(picture, 230, 240 + half_px) || coloured(picture, 230, 239 + half_px));
   EXPECT_TRUE(coloured(picture, 230, 240 - half_px) || coloured(picture, 230, 239 - half_px));

@@ -8,8 +8,8 @@
 namespace tubetrack {
 namespace {
 
-using test::TemporaryFolder;
 using test::schema_complaints;
+using test::TemporaryFolder;
 using testing::AllOf;
 using testing::HasSubstr;
 using testing::Not;
@@ -26,7 +26,8 @@ Tube bent_tube() {
   tube.sigma_m = {0.0002, 0.0003};
   tube.node_covariance_m2 = {Eigen::Matrix3d::Identity() * 4e-8, Eigen::Matrix3d::Identity() * 9e-8};
   tube.node_visible = {true, false};
-  tube.segments = {{Segment::Type::straight, 0.0, 0.2, 0.0, 0.0}, {Segment::Type::arc, 0.2, 0.3, 0.1, 1.05},
+  tube.segments = {{Segment::Type::straight, 0.0, 0.2, 0.0, 0.0},
+                   {Segment::Type::arc, 0.2, 0.3, 0.1, 1.05},
                    {Segment::Type::free, 0.3, 0.52, 0.0, 0.0}};
   return tube;
 }
@@ -68,8 +69,8 @@ TEST(ResultLine, SaysWhyAFrameIsBadEvenInABrokenEncoding) {
 
 TEST(ResultLine, EveryKindOfLineHoldsAgainstTheSchema) {
   std::vector<std::string> lines;
-  for (const auto status : {TrackStatus::ok, TrackStatus::empty, TrackStatus::corrupt, TrackStatus::no_pose,
-                            TrackStatus::deadline}) {
+  for (const auto status :
+       {TrackStatus::ok, TrackStatus::empty, TrackStatus::corrupt, TrackStatus::no_pose, TrackStatus::deadline}) {
     lines.push_back(result_line(frame_with(status), true));
     lines.push_back(result_line(frame_with(status), false));
   }
@@ -99,10 +100,15 @@ TEST(ResultSchema, RefusesWhatNoLineMayHold) {
     std::string line = good;
     return line.replace(line.find(from), from.size(), to);
   };
-  const std::vector<std::string> bad = {
-      with("\"frame\":12", "\"frame\":-1"),       with("\"ok\"", "\"fine\""),         with("\"dropped\":0,", ""),
-      with("\"ok\"", "\"corrupt\""),              with("\"latency_ms\":2.1,", ""),    with("0.8],", "0.8,1.0],"),
-      with("\"radius_m\":0.0201", "\"radius_m\":0"), with("\"dropped\"", "\"droped\""), with("\"state\":\"occluded\",", "")};
+  const std::vector<std::string> bad = {with("\"frame\":12", "\"frame\":-1"),
+                                        with("\"ok\"", "\"fine\""),
+                                        with("\"dropped\":0,", ""),
+                                        with("\"ok\"", "\"corrupt\""),
+                                        with("\"latency_ms\":2.1,", ""),
+                                        with("0.8],", "0.8,1.0],"),
+                                        with("\"radius_m\":0.0201", "\"radius_m\":0"),
+                                        with("\"dropped\"", "\"droped\""),
+                                        with("\"state\":\"occluded\",", "")};
   const TemporaryFolder folder;
   const std::string complaints = schema_complaints(bad, folder.path());
   for (std::size_t i = 1; i <= bad.size(); ++i) {

@@ -38,7 +38,9 @@ Tube reported_tube(std::int64_t id, double from_m, double to_m, double y_m) {
   return tube;
 }
 
-TruthFrame truth_frame(std::int64_t number, std::vector<TrueTube> tubes) { return {number, 0.0, "camera", std::move(tubes)}; }
+TruthFrame truth_frame(std::int64_t number, std::vector<TrueTube> tubes) {
+  return {number, 0.0, "camera", std::move(tubes)};
+}
 
 TubeFrame result_frame(std::int64_t number, std::vector<Tube> tubes) {
   TubeFrame frame;
@@ -48,7 +50,8 @@ TubeFrame result_frame(std::int64_t number, std::vector<Tube> tubes) {
   return frame;
 }
 
-Score scored(const std::vector<TruthFrame>& truth, const std::vector<TubeFrame>& results, const ScoreRules& rules = {}) {
+Score scored(const std::vector<TruthFrame>& truth, const std::vector<TubeFrame>& results,
+             const ScoreRules& rules = {}) {
   auto score = score_run(truth, results, rules);
   EXPECT_TRUE(score) << score.error().message;
   return score.value_or(Score{});
@@ -230,7 +233,8 @@ TEST(Score, RunsThatCannotBeComparedAreRefused) {
 
 TEST(Score, TableAndJsonSayTheSame) {
   const Score score = scored_one(reported_tube(9, 0.0, 0.4, 0.003));
-  EXPECT_THAT(score_table(score), HasSubstr("100.00   3.000           0.00            0.00  1.000         0          0"));
+  EXPECT_THAT(score_table(score),
+              HasSubstr("100.00   3.000           0.00            0.00  1.000         0          0"));
   const auto json = nlohmann::json::parse(score_json(score));
   EXPECT_EQ(json["total"]["coverage"], 1.0);
   EXPECT_EQ(json["total"]["rms_m"], 0.003);

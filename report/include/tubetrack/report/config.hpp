@@ -9,8 +9,8 @@
 namespace tubetrack {
 
 /// A JSON object whose keys are the fields of TrackerConfig (`noise`: a name, or an object with the fields of
-/// NoiseModel); what it does not name keeps its default. An unknown key, a wrong type or a value out of range is a usage
-/// error that names the file, the key and what it takes.
+/// NoiseModel); what it does not name keeps its default. An unknown key, a wrong type or a value out of range is a
+/// usage error that names the file, the key and what it takes.
 Expected<TrackerConfig> read_config(const std::filesystem::path& path);
 /// The same from text; `name` stands for the file in messages.
 Expected<TrackerConfig> parse_config(const std::string& text, const std::string& name);

@@ -24,7 +24,7 @@ struct ScoreRules {
 /// The score of one true tube over all frames, or of all tubes pooled (id −1). A quotient without a denominator is NaN.
 struct TubeScore {
   std::int64_t id = -1;
-  double true_radius_m = 0.0;      ///< 0 in the pooled score
+  double true_radius_m = 0.0;       ///< 0 in the pooled score
   std::int64_t frames_in_view = 0;  ///< frames in which the tube had to be found, or was
   std::int64_t frames_found = 0;
   std::int64_t visible_samples = 0;
@@ -37,7 +37,8 @@ struct TubeScore {
   std::int64_t matched_samples = 0;
   std::vector<double> radius_errors;  ///< |reported − true| / true, one a frame found
   /// Identity, on pairs of a true and a reported tube matched frame by frame.
-  std::int64_t reported_tubes = 0;  ///< reported tubes, frame by frame, of the identity assigned to this tube; pooled: all
+  std::int64_t reported_tubes =
+      0;  ///< reported tubes, frame by frame, of the identity assigned to this tube; pooled: all
   std::int64_t identity_hits = 0;  ///< frames in which this tube was found under its assigned identity
   std::int64_t switches = 0;       ///< a true tube is found under another reported id than the last time
   std::int64_t transfers = 0;      ///< a reported id is found on another true tube than the last time
@@ -53,14 +54,15 @@ struct Score {
   std::vector<TubeScore> tubes;  ///< by id
   TubeScore total;
   std::int64_t frames_scored = 0;
-  std::int64_t frames_bad = 0;         ///< corrupt, no_pose, deadline: not scored
-  std::int64_t frames_not_run = 0;     ///< truth without a result (dropped, or outside --frames): not scored
+  std::int64_t frames_bad = 0;      ///< corrupt, no_pose, deadline: not scored
+  std::int64_t frames_not_run = 0;  ///< truth without a result (dropped, or outside --frames): not scored
   std::int64_t frames_without_truth = 0;
 };
 
 /// Compares a run with the truth, joined by frame number. The error says where the two can't be compared: no frame in
 /// common, or in different coordinate frames.
-Expected<Score> score_run(std::span<const TruthFrame> truth, std::span<const TubeFrame> results, const ScoreRules& rules);
+Expected<Score> score_run(std::span<const TruthFrame> truth, std::span<const TubeFrame> results,
+                          const ScoreRules& rules);
 
 /// A table for people, one row a tube and one for all.
 std::string score_table(const Score& score);

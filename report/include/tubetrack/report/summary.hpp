@@ -22,7 +22,7 @@ struct RunSummary {
   std::int64_t frames = 0;
   std::int64_t frames_with_tubes = 0;
   std::int64_t dropped = 0;
-  std::map<TrackStatus, std::int64_t> bad;  ///< corrupt, no_pose, deadline
+  std::map<TrackStatus, std::int64_t> bad;   ///< corrupt, no_pose, deadline
   std::map<std::int64_t, TubeTotals> tubes;  ///< by id
   std::vector<float> latency_ms;             ///< frames that were tracked
   std::vector<StageTimes> stages;

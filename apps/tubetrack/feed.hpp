@@ -1,0 +1,38 @@
+#pragma once
+
+#include <atomic>
+#include <optional>
+#include <thread>
+
+#include "run.hpp"
+#include "tubetrack/sensors/frame_queue.hpp"
+
+namespace tubetrack {
+
+/// Frames one after the other, straight from the source or (realtime) through a queue that a second thread fills.
+class Feed {
+ public:
+  Feed(FrameSource& source, const RunOptions& options);
+  ~Feed();
+  Feed(const Feed&) = delete;
+  Feed& operator=(const Feed&) = delete;
+
+  /// The next frame; outcome `timeout` where none came within 100 ms. The error is that of options.on_frame.
+  Expected<QueuedFrame> next();
+  /// By the queue and by the source itself, so far.
+  std::int64_t dropped() const;
+
+ private:
+  Expected<QueuedFrame> fetch();
+  void capture();
+
+  FrameSource& source_;
+  const RunOptions& options_;
+  FrameQueue queue_;
+  std::thread thread_;
+  std::atomic<bool> stop_{false};
+  std::atomic<std::int64_t> source_dropped_{0};  ///< the source is asked on its own thread only
+  std::optional<Error> on_frame_error_;
+};
+
+}  // namespace tubetrack
