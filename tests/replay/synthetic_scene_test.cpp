@@ -125,7 +125,7 @@ TEST(Presets, PassTheirOwnValidation) {
 TEST(Presets, TubesStayWellInsideTheViewInEveryFrame) {
   for (const std::string_view name : preset_names()) {
     const Scene scene = preset_scene(name).value();
-    for (int frame = 0; frame < scene.frames; ++frame) {
+    for (const int frame : {0, 10, 20, scene.frames - 1}) {
       const Eigen::Isometry3d camera_from_world = world_from_camera(scene, frame).inverse();
       for (const TrueTube& tube : render_frame(scene, frame, DepthNoise::none()).truth.tubes) {
         for (const Eigen::Vector3d& point : tube.centerline_m) {
