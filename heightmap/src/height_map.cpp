@@ -66,8 +66,8 @@ void update(HeightMap& map, const DepthFrame& frame, const NoiseModel& noise, co
     for (int u = 0; u < frame.width; ++u) {
       const std::size_t at = map.cell(u, v);
       const float z = static_cast<float>(row[u]) * scale;
-      const bool usable = row_in && u >= u_begin && u < u_end && row[u] != 0 && z >= limits.depth_min_m &&
-                          z <= limits.depth_max_m;
+      const bool usable =
+          row_in && u >= u_begin && u < u_end && row[u] != 0 && z >= limits.depth_min_m && z <= limits.depth_max_m;
       map.depth_m[at] = usable ? z : 0.0F;
       if (!usable) {
         map.inverse_depth_per_m[at] = 0.0F;

@@ -15,12 +15,12 @@ namespace tubetrack {
 /// fitted linearly.
 struct HeightMap {
   Intrinsics intrinsics;
-  std::vector<Eigen::Vector2f> rays;      ///< (x/z, y/z) of the cell's ray
-  std::vector<float> depth_m;             ///< this frame's own reading; 0: none
-  std::vector<float> inverse_depth_per_m; ///< over the frames that agreed; 0: none
-  std::vector<float> variance_per_m2;     ///< of inverse_depth_per_m
-  std::vector<std::uint8_t> count;        ///< frames in the cell
-  std::vector<std::uint8_t> strikes;      ///< frames running that disagreed by more than 3σ
+  std::vector<Eigen::Vector2f> rays;       ///< (x/z, y/z) of the cell's ray
+  std::vector<float> depth_m;              ///< this frame's own reading; 0: none
+  std::vector<float> inverse_depth_per_m;  ///< over the frames that agreed; 0: none
+  std::vector<float> variance_per_m2;      ///< of inverse_depth_per_m
+  std::vector<std::uint8_t> count;         ///< frames in the cell
+  std::vector<std::uint8_t> strikes;       ///< frames running that disagreed by more than 3σ
 
   std::size_t cell(int u, int v) const {
     return static_cast<std::size_t>(v) * static_cast<std::size_t>(intrinsics.width) + static_cast<std::size_t>(u);

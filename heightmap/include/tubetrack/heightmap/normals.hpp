@@ -28,7 +28,8 @@ struct WindowPlane {
 
 /// Planes over windows of half size `half_px`, one a cell, only where the window stays on one side of depth edges.
 /// `edge_distance_px`: see `edge_distances`.
-std::vector<WindowPlane> window_planes(const HeightMap& map, int half_px, const std::vector<std::uint8_t>& edge_distance_px);
+std::vector<WindowPlane> window_planes(const HeightMap& map, int half_px,
+                                       const std::vector<std::uint8_t>& edge_distance_px);
 
 /// Chessboard distance from each cell to the nearest depth edge or image border, capped at 255. A depth edge is a jump
 /// between neighbours (also across a gap without returns) that neither the noise nor a grazing surface explains.

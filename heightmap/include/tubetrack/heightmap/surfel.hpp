@@ -14,7 +14,7 @@ struct Surfel {
   float sigma_m = 0.001F;     ///< of the position, along the normal
   float radius_min_m = 0.0F;  ///< the surface's own curvature allows a tube of radius_min_m to radius_max_m
   float radius_max_m = 0.0F;
-  std::uint32_t cell = 0;     ///< the height-map cell it came from
+  std::uint32_t cell = 0;  ///< the height-map cell it came from
 };
 
 }  // namespace tubetrack

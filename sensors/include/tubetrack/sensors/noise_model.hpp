@@ -17,8 +17,8 @@ struct NoiseModel {
   double axial_reference_m = 0.4;
   double axial_grazing = 0.0001;
   double lateral_px = 0.5;
-  double disparity_step_px = 0.125;   ///< 0: the sensor does not measure disparity
-  double baseline_focal_m_px = 42.75; ///< baseline × focal length: 0.075 m × 570 px
+  double disparity_step_px = 0.125;    ///< 0: the sensor does not measure disparity
+  double baseline_focal_m_px = 42.75;  ///< baseline × focal length: 0.075 m × 570 px
 };
 
 /// kinect1, stereo or tof. Unknown names list the known ones.
