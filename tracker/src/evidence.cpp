@@ -4,6 +4,7 @@
 #include <array>
 #include <cmath>
 #include <numbers>
+#include <span>
 
 namespace tubetrack {
 
@@ -23,9 +24,45 @@ double arc_length_m(const Spline& spline, double t_begin, double t_end) {
   return length;
 }
 
+/// Sums for the line off = a + flatness · R · cos φ by least squares, φ the angle around the section.
+struct ShapeSums {
+  double n = 0.0, c = 0.0, cc = 0.0, r = 0.0, cr = 0.0;
+
+  void add(double cos_angle, double off, double weight) {
+    n += weight;
+    c += weight * cos_angle;
+    cc += weight * cos_angle * cos_angle;
+    r += weight * off;
+    cr += weight * cos_angle * off;
+  }
+  ShapeSums& operator+=(const ShapeSums& other) {
+    n += other.n;
+    c += other.c;
+    cc += other.cc;
+    r += other.r;
+    cr += other.cr;
+    return *this;
+  }
+  double spread() const { return cc - c * c / std::max(n, 1e-12); }
+  double slope() const { return spread() > 1e-9 ? (cr - c * r / n) / spread() : 0.0; }
+  double slope_sigma() const { return spread() > 1e-9 ? 1.0 / std::sqrt(spread()) : 1e3; }
+  /// In radii when the offs were; 0 where it is less than twice its σ.
+  double flatness() const { return std::abs(slope()) > 2.0 * slope_sigma() ? slope() : 0.0; }
+};
+
 /// How far a reading may stray and still be this tube's.
 double agreement_m(const HeightMap& map, const NoiseModel& noise, const TubeModel& model, const PredictedPixel& pixel) {
   return 3.5 * predicted_sigma_m(map, noise, pixel) + 0.05 * model.radius_m;
+}
+
+/// A reading of the tube or of what may stand in its place.
+void add_to_shape(const HeightMap& map, const NoiseModel& noise, const TubeModel& model, const PredictedPixel& pixel,
+                  double off_m, ShapeSums& shape) {
+  const double sigma_m = predicted_sigma_m(map, noise, pixel);
+  if (std::abs(off_m) > 0.6 * model.radius_m + 4.0 * sigma_m) return;
+  const double cos_angle = std::sqrt(std::max(0.0, 1.0 - 1.0 * pixel.lateral * pixel.lateral));
+  const double radii = pixel.across / model.radius_m;
+  shape.add(cos_angle, off_m * radii, 1.0 / (sigma_m * sigma_m * radii * radii));
 }
 
 }  // namespace
@@ -41,6 +78,7 @@ std::vector<Station> stations_of(const HeightMap& map, const NoiseModel& noise, 
   const int count = std::max(1, static_cast<int>(std::ceil(arc_length_m(model.spline, 0.0, spans) / length_m)));
   std::vector<Station> stations(static_cast<std::size_t>(count));
   for (int i = 0; i < count; ++i) stations[static_cast<std::size_t>(i)].t = (i + 0.5) * spans / count;
+  std::vector<ShapeSums> shapes(stations.size());
   for (const PredictedPixel& pixel : predicted) {
     if (pixel.cos_incidence < kCos75) continue;
     const int at = std::clamp(static_cast<int>(pixel.t / spans * count), 0, count - 1);
@@ -50,7 +88,14 @@ std::vector<Station> stations_of(const HeightMap& map, const NoiseModel& noise, 
     if (measured <= 0.0F) continue;
     const double off = measured - pixel.depth_m;
     const double allowed = agreement_m(map, noise, model, pixel);
+    add_to_shape(map, noise, model, pixel, off, shapes[static_cast<std::size_t>(at)]);
     ++(std::abs(off) <= allowed ? station.agree : off < 0.0 ? station.before : station.behind);
+  }
+  const int around = std::max(1, static_cast<int>(std::lround(0.25 * model.radius_m / length_m)));
+  for (int i = 0; i < count; ++i) {
+    ShapeSums sum;
+    for (int j = std::max(0, i - around); j <= std::min(count - 1, i + around); ++j) sum += shapes[static_cast<std::size_t>(j)];
+    stations[static_cast<std::size_t>(i)].flatness = sum.flatness();
   }
   return stations;
 }
@@ -83,6 +128,145 @@ Extent seen_extent(const std::vector<Station>& stations, double station_m, doubl
   return best;
 }
 
+namespace {
+
+constexpr std::size_t kParts = 8;  // of the length, each judged by itself
+
+/// Medians of what lies beside the tube, at 1.1 to 1.35 (near) and 1.35 to 1.6 (far) radii from the axis: how far behind
+/// the axis, in radii, part by part; 10 where nothing returned.
+struct Beside {
+  std::array<double, kParts> near{};
+  std::array<double, kParts> far{};
+};
+
+double median_or_far(std::vector<double>& values) {
+  if (values.size() < 3) return 10.0;
+  const auto at = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  std::nth_element(values.begin(), at, values.end());
+  return *at;
+}
+
+/// On the left (sign −1) or right (+1) of the tube, from the pixels of one `wide` times as thick.
+Beside beside(const HeightMap& map, const TubeModel& model, const Extent& extent,
+              const std::vector<PredictedPixel>& wide_pixels, double wide, double sign) {
+  std::array<std::vector<double>, kParts> near, far;
+  for (const PredictedPixel& pixel : wide_pixels) {
+    const double lateral = wide * sign * pixel.lateral;
+    const float measured = map.depth_m[pixel.cell];
+    if (lateral < 1.1 || pixel.t < extent.t_begin || pixel.t > extent.t_end || measured <= 0.0F) continue;
+    const double along = (pixel.t - extent.t_begin) / (extent.t_end - extent.t_begin);
+    const std::size_t part = std::min(kParts - 1, static_cast<std::size_t>(along * kParts));
+    (lateral < 1.35 ? near : far)[part].push_back((measured - pixel.axis_depth_m) * pixel.across / model.radius_m);
+  }
+  Beside result;
+  for (std::size_t i = 0; i < kParts; ++i) {
+    result.near[i] = median_or_far(near[i]);
+    result.far[i] = median_or_far(far[i]);
+  }
+  return result;
+}
+
+/// A plane tangent to the circle at angle φ passes x radii from the axis at depth (x sin φ − 1) / cos φ. Do near and far
+/// lie on one such plane?
+bool goes_straight_on(double near, double far) {
+  if (near < -0.7 || near > 0.8) return false;
+  double best = 10.0;
+  for (double angle = 0.25; angle < 1.4; angle += 0.05) {
+    const double off_near = near - (1.225 * std::sin(angle) - 1.0) / std::cos(angle);
+    const double off_far = far - (1.475 * std::sin(angle) - 1.0) / std::cos(angle);
+    best = std::min(best, std::max(std::abs(off_near), std::abs(off_far)));
+  }
+  return best < 0.25;
+}
+
+/// Of the parts, how many go straight on along planes that run along the axis on the sides asked for. (The ground that a
+/// can stands on crosses such depths too, but only in passing.)
+double straight_share(std::span<const Beside> sides) {
+  const auto straight = [&](std::size_t i) {
+    return std::all_of(sides.begin(), sides.end(), [&](const Beside& s) { return goes_straight_on(s.near[i], s.far[i]); });
+  };
+  const auto alike = [&](std::size_t i, std::size_t j) {
+    return std::all_of(sides.begin(), sides.end(), [&](const Beside& s) { return std::abs(s.near[i] - s.near[j]) < 0.25; });
+  };
+  int most = 0;
+  for (std::size_t i = 0; i < kParts; ++i) {
+    int count = 0;
+    for (std::size_t j = 0; j < kParts; ++j) count += straight(i) && straight(j) && alike(i, j) ? 1 : 0;
+    most = std::max(most, count);
+  }
+  return static_cast<double>(most) / kParts;
+}
+
+/// How much deeper it gets beside the tube from one end to the other, in radii: the ground that a can stands on crosses
+/// its axis, a box's faces run along it.
+double slope_along(const Beside& beside) {
+  const auto& near = beside.near;
+  const auto median = [](double a, double b, double c) { return std::max(std::min(a, b), std::min(std::max(a, b), c)); };
+  return median(near[5], near[6], near[7]) - median(near[0], near[1], near[2]);
+}
+
+void judge_beside(const Beside& beside, Side& side) {
+  int drops = 0;
+  int rises = 0;
+  for (std::size_t i = 0; i < kParts; ++i) {
+    drops += beside.near[i] > 0.8 ? 1 : 0;
+    rises += beside.near[i] < -0.3 && beside.far[i] < beside.near[i] - 0.1 ? 1 : 0;
+  }
+  side.drops = 2 * drops >= static_cast<int>(kParts);
+  side.rises = 2 * rises >= static_cast<int>(kParts);
+}
+
+void look_beside(const HeightMap& map, const TubeModel& model, const Extent& extent, Evidence& evidence) {
+  constexpr double kWide = 1.6;
+  TubeModel wide = model;
+  wide.radius_m = kWide * model.radius_m;
+  const std::vector<PredictedPixel> pixels = predict_pixels(map, wide);
+  const std::array<Beside, 2> both{beside(map, model, extent, pixels, kWide, -1.0),
+                                   beside(map, model, extent, pixels, kWide, 1.0)};
+  const auto& [left, right] = both;
+  evidence.edge_share = straight_share(both);
+  evidence.left.straight_share = straight_share({&left, 1});
+  evidence.right.straight_share = straight_share({&right, 1});
+  judge_beside(left, evidence.left);
+  judge_beside(right, evidence.right);
+  const double left_slope = slope_along(left);
+  const double right_slope = slope_along(right);
+  evidence.stands = std::min(std::abs(left_slope), std::abs(right_slope)) > 0.6 && left_slope * right_slope > 0.0;
+}
+
+/// How far the surface agrees with the circle on one side, by bins of a 40th of the radius pooled along the tube.
+Side side_of(const HeightMap& map, const NoiseModel& noise, const TubeModel& model, const Extent& extent,
+             const std::vector<PredictedPixel>& predicted, double sign) {
+  constexpr int kBins = 40;
+  std::array<int, kBins> expected{};
+  std::array<int, kBins> agree{};
+  std::array<int, kBins> past{};
+  for (const PredictedPixel& pixel : predicted) {
+    const double lateral = sign * pixel.lateral;
+    if (lateral < 0.0 || pixel.t < extent.t_begin || pixel.t > extent.t_end) continue;
+    const auto bin = static_cast<std::size_t>(std::min(kBins - 1, static_cast<int>(lateral * kBins)));
+    ++expected[bin];
+    const float measured = map.depth_m[pixel.cell];
+    const double off = measured - pixel.depth_m;
+    if (measured > 0.0F && std::abs(off) <= agreement_m(map, noise, model, pixel)) ++agree[bin];
+    else if (measured <= 0.0F || off > 0.0) ++past[bin];
+  }
+  Side side;
+  int bin = kBins;
+  while (bin > 0 && 2 * agree[static_cast<std::size_t>(bin - 1)] < expected[static_cast<std::size_t>(bin - 1)]) --bin;
+  side.reach_radii = static_cast<double>(bin) / kBins;
+  int lost = 0;
+  int lost_past = 0;
+  for (int i = bin; i < kBins; ++i) {
+    lost += expected[static_cast<std::size_t>(i)] - agree[static_cast<std::size_t>(i)];
+    lost_past += past[static_cast<std::size_t>(i)];
+  }
+  side.ends = bin < kBins && 4 * lost_past > 3 * lost;
+  return side;
+}
+
+}  // namespace
+
 Evidence gather_evidence(const HeightMap& map, const NoiseModel& noise, const TubeModel& model,
                          const std::vector<PredictedPixel>& predicted, const Extent& extent) {
   constexpr int kBins = 15;  // of 10° from −75° to 75°
@@ -90,6 +274,8 @@ Evidence gather_evidence(const HeightMap& map, const NoiseModel& noise, const Tu
   std::array<int, kBins> hits{};
   std::array<int, kBins> wanted{};
   double chi2 = 0.0;
+  ShapeSums first_half, second_half;
+  const double middle = 0.5 * (extent.t_begin + extent.t_end);
   int agree = 0;
   int expected = 0;
   double mean_depth = 0.0;
@@ -103,6 +289,7 @@ Evidence gather_evidence(const HeightMap& map, const NoiseModel& noise, const Tu
     const float measured = map.depth_m[pixel.cell];
     if (measured <= 0.0F) continue;
     const double off = measured - pixel.depth_m;
+    add_to_shape(map, noise, model, pixel, off, pixel.t < middle ? first_half : second_half);
     if (std::abs(off) > agreement_m(map, noise, model, pixel)) continue;
     const double sigma = predicted_sigma_m(map, noise, pixel);
     ++agree;
@@ -114,8 +301,18 @@ Evidence gather_evidence(const HeightMap& map, const NoiseModel& noise, const Tu
   Evidence evidence;
   evidence.length_m = arc_length_m(model.spline, extent.t_begin, extent.t_end);
   if (agree == 0) return evidence;
+  evidence.left = side_of(map, noise, model, extent, predicted, -1.0);
+  evidence.right = side_of(map, noise, model, extent, predicted, 1.0);
+  look_beside(map, model, extent, evidence);
+  // A cone is flatter than the mean circle at its wide end, and rounder at the other.
+  evidence.taper = 2.0 * (second_half.slope() - first_half.slope()) * model.radius_m / evidence.length_m;
+  ShapeSums shape = first_half;
+  shape += second_half;
+  evidence.flatness = shape.slope();
+  evidence.flatness_sigma = shape.slope_sigma();
   evidence.support = static_cast<double>(agree) / expected;
   evidence.noise_ratio = std::sqrt(chi2 / agree);
+  evidence.sigma_m = axial_sigma_m(noise, mean_depth / agree, 0.0);
   evidence.width_px = 2.0 * model.radius_m * map.intrinsics.fx_px / (mean_depth / agree);
   double squares = 0.0;
   int bins = 0;

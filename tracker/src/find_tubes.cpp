@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdio>
 
 #include "stopwatch.hpp"
 #include "tubetrack/tracker/trace.hpp"
@@ -13,15 +14,22 @@ namespace {
 constexpr int kMinVotes = 12;
 constexpr int kMaxFailures = 60;
 
-/// The polyline to start the fit from: the traced points, or a short piece of axis around a lone peak.
-std::vector<Eigen::Vector3d> line_from_trace(const AccumulationMap& votes, const std::vector<TracePoint>& trace,
-                                             const VoxelIndex& peak, double radius_m) {
+/// The traced points around the peak as long as they run smoothly and at one radius.
+std::vector<Eigen::Vector3d> smooth_part(const std::vector<TracePoint>& trace, const VoxelIndex& peak, double radius_m) {
+  const auto start = std::find_if(trace.begin(), trace.end(), [&](const TracePoint& p) { return p.voxel == peak; });
+  const auto calm = [&](const TracePoint& before, const TracePoint& at, const TracePoint& after) {
+    const Eigen::Vector3d first = at.position_m - before.position_m;
+    const Eigen::Vector3d second = after.position_m - at.position_m;
+    return first.dot(second) > 0.82 * first.norm() * second.norm() && std::abs(after.radius_m - radius_m) < 0.25 * radius_m;
+  };
   std::vector<Eigen::Vector3d> line;
-  for (const TracePoint& point : trace) line.push_back(point.position_m);
-  if (line.size() > 2) return line;
-  const Eigen::Vector3d center = votes.center_of(peak);
-  const Eigen::Vector3d axis = axis_of(votes.box(peak, 1)).direction;
-  return {center - radius_m * axis, center, center + radius_m * axis};
+  if (start == trace.end() || start == trace.begin() || start + 1 == trace.end()) return line;
+  auto first = start - 1;
+  auto last = start + 1;
+  while (first != trace.begin() && calm(first[1], first[0], first[-1])) --first;
+  while (last + 1 != trace.end() && calm(last[-1], last[0], last[1])) ++last;
+  for (auto at = first; at <= last; ++at) line.push_back(at->position_m);
+  return line;
 }
 
 /// The radius votes come from, over the trace: the median of its points.
@@ -100,13 +108,30 @@ std::vector<FoundTube> find_tubes(AccumulationMap& votes, std::span<const Surfel
     options.patch_half_m = 0.5 * options.step_m;
     const std::vector<TracePoint> trace = trace_both_ways(votes, peak, options);
     const double radius_m = config.radius_m.value_or(radius_of(trace));
-    const auto line = line_from_trace(votes, trace, peak, radius_m);
+    const Seed seed{center, axis_of(sum).direction, radius_m, smooth_part(trace, peak, radius_m)};
     watch.lap(times.trace_ms);
-    auto found = grow_tube(map, config, line, radius_m);
+    auto found = grow_tube(map, config, seed);
     const bool known = found && std::any_of(tubes.begin(), tubes.end(), [&](const FoundTube& tube) {
       return same_tube(*found, tube);
     });
+#ifdef TT_DEBUG
+    {
+      const std::string why = !found ? std::string("fit") : known ? std::string("known") : why_no_tube(*found, config).value_or("OK");
+      printf("  peak %d at %.3f %.3f %.3f R0 %.4f trace %zu -> %s", sum.votes, center.x(), center.y(), center.z(), radius_m, trace.size(), why.c_str());
+      if (found) printf(" | R %.4f+-%.4f L %.3f sup %.2f arc %.0f prof %.3f noise %.2f px %.0f", found->model.radius_m, found->quality.radius_sigma_m, found->evidence.length_m, found->evidence.support, found->evidence.arc_rad*57.3, found->evidence.profile_rms_radii, found->evidence.noise_ratio, found->evidence.width_px);
+      if (found) { printf(" flat %.2f+-%.2f edge %.2f %.2f %.2f st %d tap %.2f reach %.2f/%d%d%d %.2f/%d%d%d", found->evidence.flatness, found->evidence.flatness_sigma, found->evidence.edge_share, found->evidence.left.straight_share, found->evidence.right.straight_share, found->evidence.stands, found->evidence.taper, found->evidence.left.reach_radii, found->evidence.left.ends, found->evidence.left.drops, found->evidence.left.rises, found->evidence.right.reach_radii, found->evidence.right.ends, found->evidence.right.drops, found->evidence.right.rises); }
+      printf("\n");
+      if (found && getenv("TT_ST")) {
+        const double sl = station_length_m(map, found->model);
+        for (const auto& st : stations_of(map, config.noise, found->model, found->pixels, sl)) printf("     t %.2f exp %d agree %d before %d behind %d flat %.2f %s\n", st.t, st.expected, st.agree, st.before, st.behind, st.flatness, st.t >= found->extent.t_begin && st.t <= found->extent.t_end ? "*" : "");
+      }
+    }
+#endif
+#ifdef TT_DEBUG
+    if (!found || known || (why_no_tube(*found, config) && !getenv("TT_KEEP"))) {
+#else
     if (!found || known || why_no_tube(*found, config)) {
+#endif
       ++failures;
       failed.insert(failed.end(), trace.begin(), trace.end());
       watch.lap(times.fit_ms);

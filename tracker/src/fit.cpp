@@ -37,42 +37,57 @@ void add_observations(const TubeModel& model, const std::vector<Observation>& ob
   }
 }
 
-/// The third difference is zero on straights and arcs alike, so this smooths without pulling bends inward; moving
-/// points along the tube changes nothing that is seen, so that is held.
-void add_priors(const TubeModel& model, NormalEquations& eq) {
-  const auto& q = model.spline.control_m;
-  const double spacing = (q[1] - q[0]).norm();
-  // Where a straight meets the tightest usual bend (radius 5 R), the third difference is spacing² / 5 R.
-  const double sigma = 0.5 * spacing * spacing / (5.0 * model.radius_m);
-  const double weight = 1.0 / (sigma * sigma);
-  constexpr std::array<double, 4> kThird{-1.0, 3.0, -3.0, 1.0};
-  for (std::size_t k = 0; k + 3 < q.size(); ++k) {
-    const Eigen::Vector3d third = q[k + 3] - 3.0 * q[k + 2] + 3.0 * q[k + 1] - q[k];
-    for (std::size_t i = 0; i < 4; ++i) {
-      const auto row = static_cast<Eigen::Index>(3 * (k + i));
-      for (std::size_t j = 0; j < 4; ++j) {
-        const auto col = static_cast<Eigen::Index>(3 * (k + j));
-        eq.matrix.block<3, 3>(row, col).diagonal().array() += weight * kThird[i] * kThird[j];
-      }
-      eq.right.segment<3>(row) -= weight * kThird[i] * third;
+/// Adds the prior that a combination of neighbouring control points, `first` on, is zero: `weight` is the inverse of its
+/// covariance.
+template <std::size_t N>
+void add_prior(const std::vector<Eigen::Vector3d>& control_m, std::size_t first, const std::array<double, N>& factors,
+               const Eigen::Matrix3d& weight, NormalEquations& eq) {
+  Eigen::Vector3d value = Eigen::Vector3d::Zero();
+  for (std::size_t i = 0; i < N; ++i) value += factors[i] * control_m[first + i];
+  for (std::size_t i = 0; i < N; ++i) {
+    const auto row = static_cast<Eigen::Index>(3 * (first + i));
+    for (std::size_t j = 0; j < N; ++j) {
+      eq.matrix.block<3, 3>(row, static_cast<Eigen::Index>(3 * (first + j))) += factors[i] * factors[j] * weight;
     }
+    eq.right.segment<3>(row) -= factors[i] * weight * value;
+  }
+}
+
+/// The third difference is zero on straights and arcs alike, so this smooths without pulling bends inward; moving
+/// points along the tube changes nothing that is seen, so that is held, and their spacing kept even.
+void add_priors(const TubeModel& model, bool straight, NormalEquations& eq) {
+  const auto& q = model.spline.control_m;
+  double spacing = 0.0;
+  for (std::size_t k = 0; k + 1 < q.size(); ++k) spacing += (q[k + 1] - q[k]).norm() / static_cast<double>(q.size() - 1);
+  const auto inverse_square = [](double sigma) { return 1.0 / (sigma * sigma); };
+  // Where a straight meets the tightest usual bend (radius 5 R), the third difference is spacing² / 5 R.
+  const double third_weight = inverse_square((straight ? 0.01 : 0.3) * spacing * spacing / (5.0 * model.radius_m));
+  for (std::size_t k = 0; k + 3 < q.size(); ++k) {
+    add_prior<4>(q, k, {-1.0, 3.0, -3.0, 1.0}, third_weight * Eigen::Matrix3d::Identity(), eq);
+  }
+  // A bend of radius 3 R is one σ: too weak to matter where the surface is seen, enough to hold what is not.
+  const double second_weight = inverse_square((straight ? 0.01 : 1.0) * spacing * spacing / (3.0 * model.radius_m));
+  const double even_weight = inverse_square(0.02 * spacing);
+  for (std::size_t k = 0; k + 2 < q.size(); ++k) {
+    const Eigen::Vector3d along = (q[k + 2] - q[k]).normalized();
+    const Eigen::Matrix3d weight = second_weight * Eigen::Matrix3d::Identity() + even_weight * along * along.transpose();
+    add_prior<3>(q, k, {1.0, -2.0, 1.0}, weight, eq);
   }
   for (std::size_t k = 0; k < q.size(); ++k) {
     const Eigen::Vector3d along = (q[std::min(k + 1, q.size() - 1)] - q[k > 0 ? k - 1 : 0]).normalized();
-    const double hold = 1.0 / (1e-2 * spacing * spacing);
     const auto at = static_cast<Eigen::Index>(3 * k);
-    eq.matrix.block<3, 3>(at, at) += hold * along * along.transpose();
+    eq.matrix.block<3, 3>(at, at) += inverse_square(0.03 * spacing) * along * along.transpose();
     // A faint hold on everything keeps ends that nothing observes from running away.
-    eq.matrix.block<3, 3>(at, at).diagonal().array() += 1e-3 / (model.radius_m * model.radius_m);
+    eq.matrix.block<3, 3>(at, at).diagonal().array() += 1e-3 * inverse_square(model.radius_m);
   }
 }
 
 NormalEquations normal_equations(const TubeModel& model, const std::vector<Observation>& observations,
-                                 bool free_radius) {
+                                 bool free_radius, bool straight) {
   const auto size = static_cast<Eigen::Index>(3 * model.spline.control_m.size() + 1);
   NormalEquations eq{Eigen::MatrixXd::Zero(size, size), Eigen::VectorXd::Zero(size)};
   add_observations(model, observations, free_radius, eq);
-  add_priors(model, eq);
+  add_priors(model, straight, eq);
   if (!free_radius) eq.matrix(size - 1, size - 1) = 1.0;
   // A radius that the view hardly determines stays near where it was.
   if (free_radius) eq.matrix(size - 1, size - 1) += 1.0 / (0.25 * model.radius_m * model.radius_m);
@@ -91,7 +106,10 @@ ResidualTerm residual_of(const TubeModel& model, const Observation& observation)
   for (int i = 0; i < 5; ++i) {
     const Eigen::Vector3d point = observation.point_m + shift * observation.direction;
     t = foot_parameter(model.spline, point, t);
-    const Eigen::Vector3d from_axis = point - point_at(model.spline, t);
+    // Off the line's end the tube goes straight on, so only what is across the axis counts.
+    const Eigen::Vector3d along = derivative_at(model.spline, t).normalized();
+    Eigen::Vector3d from_axis = point - point_at(model.spline, t);
+    from_axis -= from_axis.dot(along) * along;
     const double distance = from_axis.norm();
     if (distance < 1e-9) return term;
     outward = from_axis / distance;
@@ -116,7 +134,7 @@ std::optional<FitQuality> fit_tube(TubeModel& model, const std::vector<Observati
   if (observations.size() < 20) return std::nullopt;
   FitQuality quality;
   for (int step = 0; step < options.gauss_newton_steps; ++step) {
-    const NormalEquations eq = normal_equations(model, observations, free_radius);
+    const NormalEquations eq = normal_equations(model, observations, free_radius, options.straight);
     if (eq.used < 20) return std::nullopt;
     const Eigen::LDLT<Eigen::MatrixXd> solver(eq.matrix);
     const Eigen::VectorXd change = solver.solve(eq.right);

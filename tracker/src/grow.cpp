@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
 #include <numbers>
@@ -11,6 +12,25 @@ namespace tubetrack {
 namespace {
 
 double spacing_m(const Spline& spline) { return (spline.control_m[2] - spline.control_m[1]).norm(); }
+
+/// Cuts the extent where the centreline bends tighter than a tube can (1.5 radii), seen from its middle.
+void cut_at_kinks(const TubeModel& model, Extent& extent) {
+  const double middle = 0.5 * (extent.t_begin + extent.t_end);
+  const auto kinked = [&](double t) {
+    constexpr double kStep = 0.25;
+    const Eigen::Vector3d before = derivative_at(model.spline, t - kStep);
+    const Eigen::Vector3d after = derivative_at(model.spline, t + kStep);
+    const double turn = std::atan2(before.cross(after).norm(), before.dot(after));
+    const double length = (point_at(model.spline, t + kStep) - point_at(model.spline, t - kStep)).norm();
+    return turn * 1.5 * model.radius_m > length;
+  };
+  for (double t = middle; t < extent.t_end; t += 0.125) {
+    if (kinked(t)) extent.t_end = t;
+  }
+  for (double t = middle; t > extent.t_begin; t -= 0.125) {
+    if (kinked(t)) extent.t_begin = t;
+  }
+}
 
 /// Makes the spline end within a span of what is seen, and reach beyond it. True when it changed.
 bool follow_extent(Spline& spline, const Extent& extent) {
@@ -34,36 +54,118 @@ bool follow_extent(Spline& spline, const Extent& extent) {
   return changed || spans != spline.spans();
 }
 
-}  // namespace
+/// A short straight piece of tube at a peak: first where it lies, then how thick it is. Empty where the image does not
+/// show one, which is cheap to find out here.
+std::optional<TubeModel> fit_seed(const HeightMap& map, const TrackerConfig& config, const Seed& seed) {
+  TubeModel model;
+  model.radius_m = config.radius_m.value_or(seed.radius_m);
+  const Eigen::Vector3d half = model.radius_m * seed.axis;
+  model.spline = spline_along({seed.center_m - half, seed.center_m, seed.center_m + half}, 1.25 * model.radius_m);
+  FitOptions options;
+  options.straight = true;
+  options.radius_min_m = 0.5 * config.radius_min_m;
+  options.radius_max_m = 1.5 * config.radius_max_m;
+  for (const double gate_radii : {0.5, 0.3, 0.2, 0.15}) {
+    options.radius_m = gate_radii > 0.4 ? model.radius_m : config.radius_m;
+    const auto pixels = predict_pixels(map, model);
+    const auto observations = select_observations(map, config.noise, pixels, gate_radii * model.radius_m, 3.0);
+#ifdef TT_DEBUG
+    printf("   gate %.2f R %.4f obs %zu of %zu axis %.2f %.2f %.2f\n", gate_radii, model.radius_m, observations.size(), pixels.size(), seed.axis.x(), seed.axis.y(), seed.axis.z());
+#endif
+#ifdef TT_DEBUG
+    { auto a = point_at(model.spline, 0), b = point_at(model.spline, model.spline.spans()); double m=0; for (auto& o : observations) m += residual_of(model, o).residual_m; printf("     %.3f %.3f %.3f .. %.3f %.3f %.3f mean res %.4f\n", a.x(), a.y(), a.z(), b.x(), b.y(), b.z(), m/observations.size()); }
+#endif
+    if (!fit_tube(model, observations, options)) return std::nullopt;
+  }
+  const Extent whole{0.0, model.spline.spans()};
+  const Evidence evidence = gather_evidence(map, config.noise, model, predict_pixels(map, model), whole);
+#ifdef TT_DEBUG
+  printf("   seed R %.4f center %.3f %.3f %.3f sup %.2f flat %.2f arc %.0f\n", model.radius_m, point_at(model.spline,0.5*model.spline.spans()).x(), point_at(model.spline,0.5*model.spline.spans()).y(), point_at(model.spline,0.5*model.spline.spans()).z(), evidence.support, evidence.flatness, evidence.arc_rad*57.3);
+#endif
+  const bool in_range = model.radius_m > 0.85 * config.radius_min_m && model.radius_m < 1.15 * config.radius_max_m;
+  if (!in_range || evidence.support < 0.45 || std::abs(evidence.flatness) > 0.6) return std::nullopt;
+  return model;
+}
 
-std::optional<FoundTube> grow_tube(const HeightMap& map, const TrackerConfig& config,
-                                   const std::vector<Eigen::Vector3d>& line_m, double radius_m) {
+/// How far along the model the image confirms it.
+Extent confirmed_extent(const HeightMap& map, const TrackerConfig& config, const FoundTube& found) {
+  const double station_m = station_length_m(map, found.model);
+  const auto stations = stations_of(map, config.noise, found.model, found.pixels, station_m);
+  Extent extent = seen_extent(stations, station_m, 4.0 * found.model.radius_m);
+  cut_at_kinks(found.model, extent);
+  return extent;
+}
+
+/// Looks how far the image confirms the tube, fits to that part alone, lengthens or shortens it, until it stays. What is
+/// not confirmed yet (the table under a can, its lid) must not pull at the fit.
+std::optional<FoundTube> grow_model(const HeightMap& map, const TrackerConfig& config, TubeModel model) {
   constexpr int kMaxRounds = 40;
   FoundTube found;
-  found.model.radius_m = config.radius_m.value_or(radius_m);
-  found.model.spline = spline_along(line_m, 1.25 * found.model.radius_m);
+  found.model = std::move(model);
   FitOptions options;
   options.radius_m = config.radius_m;
   options.radius_min_m = 0.5 * config.radius_min_m;
   options.radius_max_m = 1.5 * config.radius_max_m;
+  found.pixels = predict_pixels(map, found.model);
+  found.extent = confirmed_extent(map, config, found);
   bool settled = false;
   for (int round = 0; round < kMaxRounds; ++round) {
-    const double gate_m = (round == 0 ? 0.4 : round == 1 ? 0.25 : 0.1) * found.model.radius_m;
-    found.pixels = predict_pixels(map, found.model);
-    const auto observations = select_observations(map, config.noise, found.pixels, gate_m, 4.0);
+    if (found.extent.t_end <= found.extent.t_begin) return std::nullopt;
+    const double gate_m = (round == 0 ? 0.2 : 0.1) * found.model.radius_m;
+    auto observations = select_observations(map, config.noise, found.pixels, gate_m, 4.0);
+    std::erase_if(observations, [&](const Observation& observation) {
+      return observation.t < found.extent.t_begin || observation.t > found.extent.t_end;
+    });
     auto quality = fit_tube(found.model, observations, options);
     if (!quality) return std::nullopt;
     found.quality = std::move(*quality);
     found.pixels = predict_pixels(map, found.model);
-    const double station_m = station_length_m(map, found.model);
-    const auto stations = stations_of(map, config.noise, found.model, found.pixels, station_m);
-    found.extent = seen_extent(stations, station_m, 4.0 * found.model.radius_m);
-    if (found.extent.t_end <= found.extent.t_begin) return std::nullopt;
-    if (settled && round >= 4) break;
-    if (round + 1 < kMaxRounds) settled = !follow_extent(found.model.spline, found.extent);
+    found.extent = confirmed_extent(map, config, found);
+    if ((settled && round >= 4) || round + 1 == kMaxRounds) break;
+    settled = !follow_extent(found.model.spline, found.extent);
     if (spacing_m(found.model.spline) < 1e-4) return std::nullopt;
+    found.pixels = predict_pixels(map, found.model);
+    found.extent = confirmed_extent(map, config, found);
   }
+  if (found.extent.t_end <= found.extent.t_begin) return std::nullopt;
   found.evidence = gather_evidence(map, config.noise, found.model, found.pixels, found.extent);
+  return found;
+}
+
+/// The radius that both silhouettes ask for, where they contradict the surface's curvature, which sensors that smooth
+/// over several pixels flatten; half a pixel is what an edge loses on average. Empty where they agree or are not seen.
+std::optional<double> silhouette_radius_m(const FoundTube& found) {
+  const Evidence& e = found.evidence;
+  if (!e.left.ends || !e.right.ends) return std::nullopt;
+  const double half_pixel = 1.0 / e.width_px;
+  const double reach = 0.5 * (e.left.reach_radii + e.right.reach_radii) + half_pixel;
+  if (reach + half_pixel > 0.87) return std::nullopt;
+  return reach * found.model.radius_m;
+}
+
+std::optional<FoundTube> grow_from(const HeightMap& map, const TrackerConfig& config, const Seed& seed) {
+  const std::optional<TubeModel> start = fit_seed(map, config, seed);
+  if (!start) return std::nullopt;
+  if (seed.line_m.size() > 3) {
+    TubeModel traced{spline_along(seed.line_m, 1.25 * start->radius_m), start->radius_m};
+    auto found = grow_model(map, config, std::move(traced));
+    if (found && !why_no_tube(*found, config)) return found;
+  }
+  return grow_model(map, config, *start);
+}
+
+}  // namespace
+
+std::optional<FoundTube> grow_tube(const HeightMap& map, const TrackerConfig& config, const Seed& seed) {
+  std::optional<FoundTube> found = grow_from(map, config, seed);
+  if (!found || config.radius_m) return found;
+  const std::optional<double> radius_m = silhouette_radius_m(*found);
+  if (!radius_m) return found;
+  TrackerConfig held = config;
+  held.radius_m = radius_m;
+  found->model.radius_m = *radius_m;
+  found = grow_model(map, held, std::move(found->model));
+  if (found) found->quality.radius_sigma_m = found->model.radius_m / found->evidence.width_px;  // half a pixel
   return found;
 }
 
@@ -78,8 +180,15 @@ std::optional<std::string> why_no_tube(const FoundTube& found, const TrackerConf
   }
   if (e.width_px < config.min_width_px) return fmt::format("only {:.1f} px wide", e.width_px);
   if (e.arc_rad < std::numbers::pi / 2.0) return fmt::format("only {:.0f}° of its section", e.arc_rad * 57.3);
+  if (!e.turns_away()) return "the surface goes on beyond both sides";
+  const double straight = std::max(e.left.straight_share, e.right.straight_share);
+  if (e.edge_share > 0.45 || straight > 0.6) return "goes straight on beyond a side";
+  if (std::min(e.left.reach_radii, e.right.reach_radii) < 0.5) return "only one side is seen";
   if (e.support < 0.6) return fmt::format("support {:.2f}", e.support);
-  if (e.profile_rms_radii > 0.06) return fmt::format("profile off by {:.3f} radii", e.profile_rms_radii);
+  const double roughness_m = std::min(0.06 * radius, std::max(0.001, 0.25 * e.sigma_m) + 0.01 * radius);
+  if (e.profile_rms_radii * radius > roughness_m) return fmt::format("profile off by {:.1f} mm", 1e3 * e.profile_rms_radii * radius);
+  if (e.noise_ratio > 1.5) return fmt::format("residuals {:.1f} times the noise", e.noise_ratio);
+  if (radius < 3.0 * e.sigma_m) return fmt::format("thinner than the noise of {:.1f} mm shows", 1e3 * e.sigma_m);
   return std::nullopt;
 }
 

@@ -60,9 +60,11 @@ std::optional<PredictedPixel> intersect(const Piece& piece, double radius_m, con
   const double side = start_across.cross(ray_across).dot(piece.axis) > 0.0 ? 1.0 : -1.0;
   PredictedPixel pixel;
   pixel.depth_m = static_cast<float>(z);
-  pixel.t = static_cast<float>(piece.t_start + std::clamp(along / piece.length_m, 0.0, 1.0) * piece.t_length);
+  pixel.t = static_cast<float>(piece.t_start + along / piece.length_m * piece.t_length);
   pixel.cos_incidence = static_cast<float>(-normal.dot(ray) / ray.norm());
   pixel.lateral = static_cast<float>(side * inside);
+  pixel.axis_depth_m = static_cast<float>(b / a);
+  pixel.across = static_cast<float>(std::sqrt(a));
   return pixel;
 }
 

@@ -65,8 +65,14 @@ Spline spline_along(const std::vector<Eigen::Vector3d>& polyline_m, double spaci
 
 void extend(Spline& spline, bool front, bool back) {
   auto& q = spline.control_m;
-  if (back) q.push_back(2.0 * q.back() - q[q.size() - 2]);
-  if (front) q.insert(q.begin(), 2.0 * q[0] - q[1]);
+  double spacing = 0.0;
+  for (std::size_t k = 0; k + 1 < q.size(); ++k) spacing += (q[k + 1] - q[k]).norm() / static_cast<double>(q.size() - 1);
+  // The direction over two spans: one alone would carry its noise on.
+  const std::size_t back_by = std::min<std::size_t>(2, q.size() - 1);
+  const Eigen::Vector3d after = q.back() + spacing * (q.back() - q[q.size() - 1 - back_by]).normalized();
+  const Eigen::Vector3d before = q.front() + spacing * (q.front() - q[back_by]).normalized();
+  if (back) q.push_back(after);
+  if (front) q.insert(q.begin(), before);
 }
 
 }  // namespace tubetrack

@@ -30,9 +30,9 @@ struct VoteRecord {
 
 /// Sums over the votes of one voxel. All integers, so that any order of votes gives the same map.
 struct Voxel {
-  std::int32_t votes = 0;                  ///< accImage of the paper
-  std::int32_t steps = 0;                  ///< Σ weight · step: steps / votes is the radius in voxels
-  std::array<std::int32_t, 6> moments{};   ///< Σ weight · d dᵀ of the directions: xx, xy, xz, yy, yz, zz, in 1/128²
+  std::int32_t votes = 0;                 ///< accImage of the paper
+  std::int32_t steps = 0;                 ///< Σ weight · step: steps / votes is the radius in voxels
+  std::array<std::int64_t, 6> moments{};  ///< Σ weight · d dᵀ of the directions: xx, xy, xz, yy, yz, zz, in 1/128²
 
   Voxel& operator+=(const Voxel& other);
 };
@@ -65,7 +65,8 @@ class AccumulationMap {
   Eigen::Vector3d center_of(const VoxelIndex& index) const;
 
   /// Voxels with at least `min_votes` in their box and more than any voxel next to them (ties: the lower index wins),
-  /// best first.
+  /// best first. Only voxels that hold a fair share of `min_votes` themselves (at least the box's mean, rounded down,
+  /// and one vote) take part.
   std::vector<VoxelIndex> peaks(int min_votes, int box_half) const;
 
  private:
@@ -82,7 +83,8 @@ class AccumulationMap {
   std::vector<Block> blocks_;
 };
 
-/// The record of a surfel's vote along its inward normal from radius_min_m to radius_max_m.
+/// The record of a surfel's vote along its inward normal from radius_min_m to radius_max_m. A surfel too far away for
+/// the grid (half a million voxels) votes nowhere.
 VoteRecord vote_record(const Surfel& surfel, double cell_m);
 
 }  // namespace tubetrack

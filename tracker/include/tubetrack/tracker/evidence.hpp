@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cmath>
 #include <vector>
 
 #include "tubetrack/tracker/fit.hpp"
@@ -13,8 +14,10 @@ struct Station {
   int agree = 0;     ///< reading where the tube should be
   int before = 0;    ///< something nearer hides it
   int behind = 0;    ///< the camera looks through where the tube should be
+  double flatness = 0.0;  ///< how much flatter than the circle the surface around is: 0 the circle, 1 a plane
 
-  bool seen() const { return expected > 0 && 2 * agree >= expected; }
+  bool round() const { return std::abs(flatness) < 0.45; }
+  bool seen() const { return expected > 0 && 2 * agree >= expected && round(); }
   bool refuted() const { return 3 * behind > expected; }
 };
 
@@ -34,6 +37,18 @@ struct Extent {
 };
 Extent seen_extent(const std::vector<Station>& stations, double station_m, double max_gap_m);
 
+/// What the camera sees at and beyond one silhouette of the tube.
+struct Side {
+  double reach_radii = 1.0;  ///< how far from the axis the surface agrees with the circle; 1 up to the silhouette
+  bool ends = false;         ///< past its reach there is background or nothing, so the reach is the true silhouette
+  bool drops = false;        ///< beyond the silhouette it is deeper than the axis, or nothing returns
+  bool rises = false;        ///< beyond the silhouette a neighbour comes nearer than the axis
+  double straight_share = 0.0;  ///< as Evidence::edge_share, for this side alone
+
+  /// A tube's side turns away from the camera; an edge's or a bulge's goes on.
+  bool turns_away() const { return ends || drops || rises; }
+};
+
 /// Numbers that tell a tube from everything else that votes like one.
 struct Evidence {
   double support = 0.0;         ///< agreeing pixels over expected ones
@@ -41,7 +56,18 @@ struct Evidence {
   double profile_rms_radii = 0.0;  ///< mean shape of the section against the circle, pooled along the tube, RMS in radii
   double width_px = 0.0;
   double length_m = 0.0;
+  double sigma_m = 0.0;         ///< mean expected σ of a reading, seen straight on
   double noise_ratio = 0.0;     ///< residual RMS over its expected σ
+  Side left, right;             ///< as the camera sees it
+  bool stands = false;          ///< what lies beside it crosses its axis, as the ground under a standing can does
+  /// Share of the length along which the surface goes straight on beyond both silhouettes, as it does from the rounded
+  /// edge of a box: planes tangent to the circle and along its axis.
+  double edge_share = 0.0;
+  bool turns_away() const { return stands || left.turns_away() || right.turns_away(); }
+
+  double flatness = 0.0;        ///< as Station's, over all that is seen
+  double flatness_sigma = 0.0;
+  double taper = 0.0;           ///< change of radius per length
 };
 Evidence gather_evidence(const HeightMap& map, const NoiseModel& noise, const TubeModel& model,
                          const std::vector<PredictedPixel>& predicted, const Extent& extent);

@@ -30,6 +30,8 @@ struct PredictedPixel {
   float t = 0.0F;               ///< place on the centreline
   float cos_incidence = 0.0F;   ///< between ray and surface normal, > 0
   float lateral = 0.0F;         ///< −1 … 1: sideways from the axis as seen from the camera, in radii
+  float axis_depth_m = 0.0F;    ///< z at which the ray is nearest to the axis
+  float across = 0.0F;          ///< metres across the axis for one metre of z along the ray
 };
 
 /// Every pixel whose ray meets the tube, once each, in cell order. Includes pixels without a return.
@@ -49,6 +51,7 @@ struct FitOptions {
   double radius_min_m = 0.001;
   double radius_max_m = 1.0;
   int gauss_newton_steps = 2;
+  bool straight = false;  ///< hold the line straight: for the first fit of a short seed
 };
 
 /// What Gauss-Newton says of its result.

@@ -17,10 +17,18 @@ struct FoundTube {
   std::vector<PredictedPixel> pixels;
 };
 
-/// From a rough line (≥ 2 points, metres) and radius to a fitted tube over all that is seen of it: fit, look how far the
-/// image confirms the tube, lengthen or shorten it, fit again. Empty where the fit does not hold.
-std::optional<FoundTube> grow_tube(const HeightMap& map, const TrackerConfig& config,
-                                   const std::vector<Eigen::Vector3d>& line_m, double radius_m);
+/// Where to start: a peak of the accumulation map, the tube's direction and radius there, and the line traced from it
+/// (paper, algorithm 2) as far as it runs smoothly; fewer than 4 points say nothing of the course.
+struct Seed {
+  Eigen::Vector3d center_m = Eigen::Vector3d::Zero();
+  Eigen::Vector3d axis = Eigen::Vector3d::UnitX();
+  double radius_m = 0.0;
+  std::vector<Eigen::Vector3d> line_m;
+};
+
+/// From a seed to a fitted tube over all that is seen of it: fit, look how far the image confirms the tube, lengthen or
+/// shorten it, fit again. Empty where the image shows no tube there.
+std::optional<FoundTube> grow_tube(const HeightMap& map, const TrackerConfig& config, const Seed& seed);
 
 /// DESIGN §2, "A tube": long, wide and round enough, confirmed by the image, convex. The reason when it is none.
 std::optional<std::string> why_no_tube(const FoundTube& found, const TrackerConfig& config);
