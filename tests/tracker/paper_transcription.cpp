@@ -14,7 +14,8 @@ using Eigen::Vector3d;
 /// The voxel of origin + step · normal, rounded down.
 VoxelIndex voxel_of(const VoteRecord& face, int step) {
   const auto at = [&](std::size_t axis) {
-    return static_cast<int>(std::floor((face.origin[axis] + static_cast<double>(step) * face.direction[axis]) / 4096.0));
+    return static_cast<int>(
+        std::floor((face.origin[axis] + static_cast<double>(step) * face.direction[axis]) / 4096.0));
   };
   return {at(2), at(1), at(0)};
 }
@@ -23,9 +24,13 @@ Vector3d normal_of(const VoteRecord& face) {
   return Vector3d(face.direction[0], face.direction[1], face.direction[2]).normalized();
 }
 
-double sign(double value) { return value < 0.0 ? -1.0 : 1.0; }
+double sign(double value) {
+  return value < 0.0 ? -1.0 : 1.0;
+}
 
-Vector3d center_of(const VoxelIndex& v, double cell_m) { return Vector3d(v.x + 0.5, v.y + 0.5, v.z + 0.5) * cell_m; }
+Vector3d center_of(const VoxelIndex& v, double cell_m) {
+  return Vector3d(v.x + 0.5, v.y + 0.5, v.z + 0.5) * cell_m;
+}
 
 VoxelIndex voxel_at(const Vector3d& point_m, double cell_m) {
   const auto at = [&](int axis) { return static_cast<int>(std::floor(point_m[axis] / cell_m)); };

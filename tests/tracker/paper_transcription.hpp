@@ -41,8 +41,8 @@ struct TrackSettings {
   int max_points = 400;                                   ///< a tube that is a ring has no end
 };
 
-/// Algorithm 2, trackPatchCenter. As in the paper, the line's last point is the first that is no longer inside the tube,
-/// unless the digital space ends before (`left_domain`).
+/// Algorithm 2, trackPatchCenter. As in the paper, the line's last point is the first that is no longer inside the
+/// tube, unless the digital space ends before (`left_domain`).
 struct Centerline {
   std::vector<VoxelIndex> points;
   bool left_domain = false;

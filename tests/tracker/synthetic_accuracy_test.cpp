@@ -22,9 +22,13 @@ struct View {
   double radius_m;  ///< of all its tubes; 0 where they differ
 };
 
-std::string name_of(const View& view) { return fmt::format("{} {}", view.preset, view.frame); }
+std::string name_of(const View& view) {
+  return fmt::format("{} {}", view.preset, view.frame);
+}
 
-void PrintTo(const View& view, std::ostream* out) { *out << name_of(view); }
+void PrintTo(const View& view, std::ostream* out) {
+  *out << name_of(view);
+}
 
 Scene scene_of(const View& view) {
   auto scene = load_scene(view.preset);
@@ -60,11 +64,13 @@ struct Runs {
 };
 
 void print_row(const View& view, const char* how, const TubeScore& score) {
-  fmt::print("{:18} {:16} coverage {:6.2f} %  RMS {:6.3f} mm  false {:5.2f} %  radius {:5.2f} % (worst {:5.2f} %)  found {}/{}\n",
-             name_of(view), how, 100.0 * score.coverage(), 1e3 * score.rms_m(), 100.0 * score.false_length(),
-             100.0 * score.radius_error_median(),
-             score.radius_errors.empty() ? 0.0 : 100.0 * *std::ranges::max_element(score.radius_errors),
-             score.frames_found, score.frames_in_view);
+  fmt::print(
+      "{:18} {:16} coverage {:6.2f} %  RMS {:6.3f} mm  false {:5.2f} %  radius {:5.2f} % (worst {:5.2f} %)  found "
+      "{}/{}\n",
+      name_of(view), how, 100.0 * score.coverage(), 1e3 * score.rms_m(), 100.0 * score.false_length(),
+      100.0 * score.radius_error_median(),
+      score.radius_errors.empty() ? 0.0 : 100.0 * *std::ranges::max_element(score.radius_errors), score.frames_found,
+      score.frames_in_view);
 }
 
 TubeScore without_noise(const View& view) {
@@ -141,8 +147,9 @@ TEST(SyntheticClutter, HoldsNoTube) {
       tubes += result.tubes.size();
       for (const Tube& tube : result.tubes) {
         const Eigen::Vector3d at = tube.centerline_m[tube.centerline_m.size() / 2];
-        ADD_FAILURE() << fmt::format("{}, run {}: tube of radius {:.1f} mm, length {:.0f} mm at {:.3f} {:.3f} {:.3f}", how,
-                                     result.frame, 1e3 * tube.radius_m, 1e3 * tube.length_m, at.x(), at.y(), at.z());
+        ADD_FAILURE() << fmt::format("{}, run {}: tube of radius {:.1f} mm, length {:.0f} mm at {:.3f} {:.3f} {:.3f}",
+                                     how, result.frame, 1e3 * tube.radius_m, 1e3 * tube.length_m, at.x(), at.y(),
+                                     at.z());
       }
     }
     fmt::print("{:18} {:16} {} tubes\n", "clutter 0", how, tubes);
