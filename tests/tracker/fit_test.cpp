@@ -157,12 +157,12 @@ TEST(Fit, ExactPointsGiveTheAxisAndTheRadiusToAMicrometre) {
   std::mt19937_64 random(2);
   const Straight tube;
   const auto observations = observe(tube, nullptr);
-  for (const bool straight : {false, true}) {
+  for (const double suppleness : {1.0, 0.01}) {
     TubeModel model =
         straight_model(tube.point_m + Vector3d(0.0, 0.003, -0.004), (tube.axis + Vector3d(0, 0.02, -0.02)).normalized(),
                        tube.half_m, 1.2 * tube.radius_m);
     FitOptions options;
-    options.straight = straight;
+    options.suppleness = suppleness;
     options.gauss_newton_steps = 12;
     const auto quality = fit_tube(model, observations, options);
     ASSERT_TRUE(quality);
@@ -231,7 +231,7 @@ Trials try_fits(const Straight& tube, bool radius_known) {
     const auto observations = observe(tube, &random);
     TubeModel model = straight_model(tube.point_m + 0.002 * view, tube.axis, tube.half_m, 0.9 * tube.radius_m);
     FitOptions options;
-    options.straight = true;
+    options.suppleness = 0.01;  // straight
     options.gauss_newton_steps = 6;
     if (radius_known) options.radius_m = tube.radius_m;
     const auto quality = fit_tube(model, observations, options);
