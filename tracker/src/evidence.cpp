@@ -132,12 +132,14 @@ namespace {
 
 constexpr std::size_t kParts = 8;  // of the length, each judged by itself
 
-/// Medians of what lies beside the tube, at 1.1 to 1.35 (near) and 1.35 to 1.6 (far) radii from the axis: how far behind
-/// the axis, in radii, part by part; 10 where nothing returned.
-struct Beside {
-  std::array<double, kParts> near{};
-  std::array<double, kParts> far{};
-};
+/// Where beside the tube it is looked at, in radii from the axis: rings from one border to the next.
+constexpr std::array<double, 4> kRingBorders{1.1, 1.4, 1.75, 2.2};
+constexpr std::size_t kRings = kRingBorders.size() - 1;
+
+/// Medians of how far behind the axis it lies beside the tube, in radii, ring by ring for one part; 10 where nothing
+/// returned.
+using Rings = std::array<double, kRings>;
+using Beside = std::array<Rings, kParts>;
 
 double median_or_far(std::vector<double>& values) {
   if (values.size() < 3) return 10.0;
@@ -146,35 +148,38 @@ double median_or_far(std::vector<double>& values) {
   return *at;
 }
 
-/// On the left (sign −1) or right (+1) of the tube, from the pixels of one `wide` times as thick.
+/// On the left (sign −1) or right (+1) of the tube, from the pixels of one as thick as the outermost ring.
 Beside beside(const HeightMap& map, const TubeModel& model, const Extent& extent,
-              const std::vector<PredictedPixel>& wide_pixels, double wide, double sign) {
-  std::array<std::vector<double>, kParts> near, far;
+              const std::vector<PredictedPixel>& wide_pixels, double sign) {
+  std::array<std::array<std::vector<double>, kRings>, kParts> depths;
   for (const PredictedPixel& pixel : wide_pixels) {
-    const double lateral = wide * sign * pixel.lateral;
+    const double lateral = kRingBorders.back() * sign * pixel.lateral;
     const float measured = map.depth_m[pixel.cell];
-    if (lateral < 1.1 || pixel.t < extent.t_begin || pixel.t > extent.t_end || measured <= 0.0F) continue;
+    if (lateral < kRingBorders.front() || pixel.t < extent.t_begin || pixel.t > extent.t_end || measured <= 0.0F) continue;
     const double along = (pixel.t - extent.t_begin) / (extent.t_end - extent.t_begin);
     const std::size_t part = std::min(kParts - 1, static_cast<std::size_t>(along * kParts));
-    (lateral < 1.35 ? near : far)[part].push_back((measured - pixel.axis_depth_m) * pixel.across / model.radius_m);
+    const std::size_t ring = lateral < kRingBorders[1] ? 0 : lateral < kRingBorders[2] ? 1 : 2;
+    depths[part][ring].push_back((measured - pixel.axis_depth_m) * pixel.across / model.radius_m);
   }
   Beside result;
-  for (std::size_t i = 0; i < kParts; ++i) {
-    result.near[i] = median_or_far(near[i]);
-    result.far[i] = median_or_far(far[i]);
+  for (std::size_t part = 0; part < kParts; ++part) {
+    for (std::size_t ring = 0; ring < kRings; ++ring) result[part][ring] = median_or_far(depths[part][ring]);
   }
   return result;
 }
 
-/// A plane tangent to the circle at angle φ passes x radii from the axis at depth (x sin φ − 1) / cos φ. Do near and far
+/// A plane tangent to the circle at angle φ passes x radii from the axis at depth (x sin φ − 1) / cos φ. Do the rings
 /// lie on one such plane?
-bool goes_straight_on(double near, double far) {
-  if (near < -0.7 || near > 0.8) return false;
+bool goes_straight_on(const Rings& rings) {
+  if (rings[0] < -0.7 || rings[0] > 0.8) return false;
   double best = 10.0;
   for (double angle = 0.25; angle < 1.4; angle += 0.05) {
-    const double off_near = near - (1.225 * std::sin(angle) - 1.0) / std::cos(angle);
-    const double off_far = far - (1.475 * std::sin(angle) - 1.0) / std::cos(angle);
-    best = std::min(best, std::max(std::abs(off_near), std::abs(off_far)));
+    double worst = 0.0;
+    for (std::size_t ring = 0; ring < kRings; ++ring) {
+      const double x = 0.5 * (kRingBorders[ring] + kRingBorders[ring + 1]);
+      worst = std::max(worst, std::abs(rings[ring] - (x * std::sin(angle) - 1.0) / std::cos(angle)));
+    }
+    best = std::min(best, worst);
   }
   return best < 0.25;
 }
@@ -183,10 +188,10 @@ bool goes_straight_on(double near, double far) {
 /// can stands on crosses such depths too, but only in passing.)
 double straight_share(std::span<const Beside> sides) {
   const auto straight = [&](std::size_t i) {
-    return std::all_of(sides.begin(), sides.end(), [&](const Beside& s) { return goes_straight_on(s.near[i], s.far[i]); });
+    return std::all_of(sides.begin(), sides.end(), [&](const Beside& s) { return goes_straight_on(s[i]); });
   };
   const auto alike = [&](std::size_t i, std::size_t j) {
-    return std::all_of(sides.begin(), sides.end(), [&](const Beside& s) { return std::abs(s.near[i] - s.near[j]) < 0.25; });
+    return std::all_of(sides.begin(), sides.end(), [&](const Beside& s) { return std::abs(s[i][0] - s[j][0]) < 0.25; });
   };
   int most = 0;
   for (std::size_t i = 0; i < kParts; ++i) {
@@ -200,30 +205,31 @@ double straight_share(std::span<const Beside> sides) {
 /// How much deeper it gets beside the tube from one end to the other, in radii: the ground that a can stands on crosses
 /// its axis, a box's faces run along it.
 double slope_along(const Beside& beside) {
-  const auto& near = beside.near;
   const auto median = [](double a, double b, double c) { return std::max(std::min(a, b), std::min(std::max(a, b), c)); };
-  return median(near[5], near[6], near[7]) - median(near[0], near[1], near[2]);
+  return median(beside[5][0], beside[6][0], beside[7][0]) - median(beside[0][0], beside[1][0], beside[2][0]);
 }
 
 void judge_beside(const Beside& beside, Side& side) {
   int drops = 0;
   int rises = 0;
   for (std::size_t i = 0; i < kParts; ++i) {
-    drops += beside.near[i] > 0.8 ? 1 : 0;
-    rises += beside.near[i] < -0.3 && beside.far[i] < beside.near[i] - 0.1 ? 1 : 0;
+    drops += beside[i][0] > 0.8 ? 1 : 0;
+    rises += beside[i][0] < 0.8 && beside[i][1] < beside[i][0] - 0.1 ? 1 : 0;
   }
   side.drops = 2 * drops >= static_cast<int>(kParts);
   side.rises = 2 * rises >= static_cast<int>(kParts);
 }
 
 void look_beside(const HeightMap& map, const TubeModel& model, const Extent& extent, Evidence& evidence) {
-  constexpr double kWide = 1.6;
   TubeModel wide = model;
-  wide.radius_m = kWide * model.radius_m;
+  wide.radius_m = kRingBorders.back() * model.radius_m;
   const std::vector<PredictedPixel> pixels = predict_pixels(map, wide);
-  const std::array<Beside, 2> both{beside(map, model, extent, pixels, kWide, -1.0),
-                                   beside(map, model, extent, pixels, kWide, 1.0)};
+  const std::array<Beside, 2> both{beside(map, model, extent, pixels, -1.0),
+                                   beside(map, model, extent, pixels, 1.0)};
   const auto& [left, right] = both;
+#ifdef TT_DEBUG
+  if (getenv("TT_R")) { for (auto& side : both) { for (auto& r : side) printf(" [%.2f %.2f %.2f]", r[0], r[1], r[2]); printf("\n"); } }
+#endif
   evidence.edge_share = straight_share(both);
   evidence.left.straight_share = straight_share({&left, 1});
   evidence.right.straight_share = straight_share({&right, 1});
@@ -277,14 +283,12 @@ Evidence gather_evidence(const HeightMap& map, const NoiseModel& noise, const Tu
   ShapeSums first_half, second_half;
   const double middle = 0.5 * (extent.t_begin + extent.t_end);
   int agree = 0;
-  int expected = 0;
   double mean_depth = 0.0;
   for (const PredictedPixel& pixel : predicted) {
     if (pixel.cos_incidence < kCos75 || pixel.t < extent.t_begin || pixel.t > extent.t_end) continue;
     const double angle = std::asin(std::clamp(static_cast<double>(pixel.lateral), -1.0, 1.0));
     const int bin = std::clamp(static_cast<int>((angle / std::numbers::pi * 180.0 + 75.0) / 10.0), 0, kBins - 1);
     const auto at = static_cast<std::size_t>(bin);
-    ++expected;
     ++wanted[at];
     const float measured = map.depth_m[pixel.cell];
     if (measured <= 0.0F) continue;
@@ -310,7 +314,15 @@ Evidence gather_evidence(const HeightMap& map, const NoiseModel& noise, const Tu
   shape += second_half;
   evidence.flatness = shape.slope();
   evidence.flatness_sigma = shape.slope_sigma();
-  evidence.support = static_cast<double>(agree) / expected;
+  // Where the tube is hidden it is not confirmed, but nothing speaks against it either.
+  int seen_agree = 0;
+  int seen_expected = 0;
+  for (const Station& station : stations_of(map, noise, model, predicted, station_length_m(map, model))) {
+    if (!station.seen() || station.t < extent.t_begin || station.t > extent.t_end) continue;
+    seen_agree += station.agree;
+    seen_expected += station.expected;
+  }
+  evidence.support = seen_expected > 0 ? static_cast<double>(seen_agree) / seen_expected : 0.0;
   evidence.noise_ratio = std::sqrt(chi2 / agree);
   evidence.sigma_m = axial_sigma_m(noise, mean_depth / agree, 0.0);
   evidence.width_px = 2.0 * model.radius_m * map.intrinsics.fx_px / (mean_depth / agree);

@@ -55,18 +55,18 @@ void add_prior(const std::vector<Eigen::Vector3d>& control_m, std::size_t first,
 
 /// The third difference is zero on straights and arcs alike, so this smooths without pulling bends inward; moving
 /// points along the tube changes nothing that is seen, so that is held, and their spacing kept even.
-void add_priors(const TubeModel& model, bool straight, NormalEquations& eq) {
+void add_priors(const TubeModel& model, double suppleness, NormalEquations& eq) {
   const auto& q = model.spline.control_m;
   double spacing = 0.0;
   for (std::size_t k = 0; k + 1 < q.size(); ++k) spacing += (q[k + 1] - q[k]).norm() / static_cast<double>(q.size() - 1);
   const auto inverse_square = [](double sigma) { return 1.0 / (sigma * sigma); };
   // Where a straight meets the tightest usual bend (radius 5 R), the third difference is spacing² / 5 R.
-  const double third_weight = inverse_square((straight ? 0.01 : 0.3) * spacing * spacing / (5.0 * model.radius_m));
+  const double third_weight = inverse_square(0.3 * suppleness * spacing * spacing / (5.0 * model.radius_m));
   for (std::size_t k = 0; k + 3 < q.size(); ++k) {
     add_prior<4>(q, k, {-1.0, 3.0, -3.0, 1.0}, third_weight * Eigen::Matrix3d::Identity(), eq);
   }
   // A bend of radius 3 R is one σ: too weak to matter where the surface is seen, enough to hold what is not.
-  const double second_weight = inverse_square((straight ? 0.01 : 1.0) * spacing * spacing / (3.0 * model.radius_m));
+  const double second_weight = inverse_square(suppleness * spacing * spacing / (3.0 * model.radius_m));
   const double even_weight = inverse_square(0.02 * spacing);
   for (std::size_t k = 0; k + 2 < q.size(); ++k) {
     const Eigen::Vector3d along = (q[k + 2] - q[k]).normalized();
@@ -83,11 +83,11 @@ void add_priors(const TubeModel& model, bool straight, NormalEquations& eq) {
 }
 
 NormalEquations normal_equations(const TubeModel& model, const std::vector<Observation>& observations,
-                                 bool free_radius, bool straight) {
+                                 bool free_radius, double suppleness) {
   const auto size = static_cast<Eigen::Index>(3 * model.spline.control_m.size() + 1);
   NormalEquations eq{Eigen::MatrixXd::Zero(size, size), Eigen::VectorXd::Zero(size)};
   add_observations(model, observations, free_radius, eq);
-  add_priors(model, straight, eq);
+  add_priors(model, suppleness, eq);
   if (!free_radius) eq.matrix(size - 1, size - 1) = 1.0;
   // A radius that the view hardly determines stays near where it was.
   if (free_radius) eq.matrix(size - 1, size - 1) += 1.0 / (0.25 * model.radius_m * model.radius_m);
@@ -134,7 +134,7 @@ std::optional<FitQuality> fit_tube(TubeModel& model, const std::vector<Observati
   if (observations.size() < 20) return std::nullopt;
   FitQuality quality;
   for (int step = 0; step < options.gauss_newton_steps; ++step) {
-    const NormalEquations eq = normal_equations(model, observations, free_radius, options.straight);
+    const NormalEquations eq = normal_equations(model, observations, free_radius, options.suppleness);
     if (eq.used < 20) return std::nullopt;
     const Eigen::LDLT<Eigen::MatrixXd> solver(eq.matrix);
     const Eigen::VectorXd change = solver.solve(eq.right);

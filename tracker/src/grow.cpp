@@ -13,7 +13,7 @@ namespace {
 
 double spacing_m(const Spline& spline) { return (spline.control_m[2] - spline.control_m[1]).norm(); }
 
-/// Cuts the extent where the centreline bends tighter than a tube can (1.5 radii), seen from its middle.
+/// Cuts the extent where the centreline bends tighter than a tube can (2.5 radii), seen from its middle.
 void cut_at_kinks(const TubeModel& model, Extent& extent) {
   const double middle = 0.5 * (extent.t_begin + extent.t_end);
   const auto kinked = [&](double t) {
@@ -22,7 +22,7 @@ void cut_at_kinks(const TubeModel& model, Extent& extent) {
     const Eigen::Vector3d after = derivative_at(model.spline, t + kStep);
     const double turn = std::atan2(before.cross(after).norm(), before.dot(after));
     const double length = (point_at(model.spline, t + kStep) - point_at(model.spline, t - kStep)).norm();
-    return turn * 1.5 * model.radius_m > length;
+    return turn * 2.5 * model.radius_m > length;
   };
   for (double t = middle; t < extent.t_end; t += 0.125) {
     if (kinked(t)) extent.t_end = t;
@@ -54,15 +54,26 @@ bool follow_extent(Spline& spline, const Extent& extent) {
   return changed || spans != spline.spans();
 }
 
+/// The radius that both silhouettes ask for, where they contradict the surface's curvature, which sensors that smooth
+/// over several pixels flatten; half a pixel is what an edge loses on average. Empty where they agree or are not seen.
+std::optional<double> silhouette_radius_m(const Evidence& e, double radius_m) {
+  if (!e.left.ends || !e.right.ends) return std::nullopt;
+  const double half_pixel = 1.0 / e.width_px;
+  const double reach = 0.5 * (e.left.reach_radii + e.right.reach_radii) + half_pixel;
+  if (reach < 0.65 || reach + half_pixel > 0.87) return std::nullopt;
+  return reach * radius_m;
+}
+
 /// A short straight piece of tube at a peak: first where it lies, then how thick it is. Empty where the image does not
 /// show one, which is cheap to find out here.
-std::optional<TubeModel> fit_seed(const HeightMap& map, const TrackerConfig& config, const Seed& seed) {
-  TubeModel model;
+std::optional<FoundTube> fit_seed(const HeightMap& map, const TrackerConfig& config, const Seed& seed) {
+  FoundTube found;
+  TubeModel& model = found.model;
   model.radius_m = config.radius_m.value_or(seed.radius_m);
   const Eigen::Vector3d half = model.radius_m * seed.axis;
   model.spline = spline_along({seed.center_m - half, seed.center_m, seed.center_m + half}, 1.25 * model.radius_m);
   FitOptions options;
-  options.straight = true;
+  options.suppleness = 0.02;
   options.radius_min_m = 0.5 * config.radius_min_m;
   options.radius_max_m = 1.5 * config.radius_max_m;
   for (const double gate_radii : {0.5, 0.3, 0.2, 0.15}) {
@@ -77,14 +88,13 @@ std::optional<TubeModel> fit_seed(const HeightMap& map, const TrackerConfig& con
 #endif
     if (!fit_tube(model, observations, options)) return std::nullopt;
   }
-  const Extent whole{0.0, model.spline.spans()};
-  const Evidence evidence = gather_evidence(map, config.noise, model, predict_pixels(map, model), whole);
-#ifdef TT_DEBUG
-  printf("   seed R %.4f center %.3f %.3f %.3f sup %.2f flat %.2f arc %.0f\n", model.radius_m, point_at(model.spline,0.5*model.spline.spans()).x(), point_at(model.spline,0.5*model.spline.spans()).y(), point_at(model.spline,0.5*model.spline.spans()).z(), evidence.support, evidence.flatness, evidence.arc_rad*57.3);
-#endif
+  found.extent = {0.0, model.spline.spans()};
+  found.pixels = predict_pixels(map, model);
+  found.evidence = gather_evidence(map, config.noise, model, found.pixels, found.extent);
+  const Evidence& e = found.evidence;
   const bool in_range = model.radius_m > 0.85 * config.radius_min_m && model.radius_m < 1.15 * config.radius_max_m;
-  if (!in_range || evidence.support < 0.45 || std::abs(evidence.flatness) > 0.6) return std::nullopt;
-  return model;
+  if (!in_range || e.support < 0.45 || std::abs(e.flatness) > 0.6) return std::nullopt;
+  return found;
 }
 
 /// How far along the model the image confirms it.
@@ -110,12 +120,20 @@ std::optional<FoundTube> grow_model(const HeightMap& map, const TrackerConfig& c
   found.extent = confirmed_extent(map, config, found);
   bool settled = false;
   for (int round = 0; round < kMaxRounds; ++round) {
+#ifdef TT_DEBUG
+    if (getenv("TT_G")) printf("     round %d R %.4f spans %.0f extent %.2f %.2f pixels %zu\n", round, found.model.radius_m, found.model.spline.spans(), found.extent.t_begin, found.extent.t_end, found.pixels.size());
+    if (getenv("TT_G") && found.extent.t_end <= found.extent.t_begin) { const double sl = station_length_m(map, found.model);
+        for (const auto& st : stations_of(map, config.noise, found.model, found.pixels, sl)) printf("     t %.2f exp %d agree %d before %d behind %d flat %.2f\n", st.t, st.expected, st.agree, st.before, st.behind, st.flatness);}
+#endif
     if (found.extent.t_end <= found.extent.t_begin) return std::nullopt;
     const double gate_m = (round == 0 ? 0.2 : 0.1) * found.model.radius_m;
     auto observations = select_observations(map, config.noise, found.pixels, gate_m, 4.0);
     std::erase_if(observations, [&](const Observation& observation) {
       return observation.t < found.extent.t_begin || observation.t > found.extent.t_end;
     });
+    // A short piece can't tell a bend from what lies beside it.
+    const double confirmed_m = (found.extent.t_end - found.extent.t_begin) * spacing_m(found.model.spline);
+    options.suppleness = confirmed_m < 4.0 * found.model.radius_m ? 0.1 : 1.0;
     auto quality = fit_tube(found.model, observations, options);
     if (!quality) return std::nullopt;
     found.quality = std::move(*quality);
@@ -132,40 +150,41 @@ std::optional<FoundTube> grow_model(const HeightMap& map, const TrackerConfig& c
   return found;
 }
 
-/// The radius that both silhouettes ask for, where they contradict the surface's curvature, which sensors that smooth
-/// over several pixels flatten; half a pixel is what an edge loses on average. Empty where they agree or are not seen.
-std::optional<double> silhouette_radius_m(const FoundTube& found) {
-  const Evidence& e = found.evidence;
-  if (!e.left.ends || !e.right.ends) return std::nullopt;
-  const double half_pixel = 1.0 / e.width_px;
-  const double reach = 0.5 * (e.left.reach_radii + e.right.reach_radii) + half_pixel;
-  if (reach + half_pixel > 0.87) return std::nullopt;
-  return reach * found.model.radius_m;
-}
-
-std::optional<FoundTube> grow_from(const HeightMap& map, const TrackerConfig& config, const Seed& seed) {
-  const std::optional<TubeModel> start = fit_seed(map, config, seed);
-  if (!start) return std::nullopt;
-  if (seed.line_m.size() > 3) {
-    TubeModel traced{spline_along(seed.line_m, 1.25 * start->radius_m), start->radius_m};
+/// Grows along the traced line where there is one, else from the seed alone.
+std::optional<FoundTube> grow_from(const HeightMap& map, const TrackerConfig& config, const TubeModel& start,
+                                   const std::vector<Eigen::Vector3d>& line_m) {
+  if (line_m.size() > 3) {
+    TubeModel traced{spline_along(line_m, 1.25 * start.radius_m), start.radius_m};
     auto found = grow_model(map, config, std::move(traced));
     if (found && !why_no_tube(*found, config)) return found;
   }
-  return grow_model(map, config, *start);
+  return grow_model(map, config, start);
+}
+
+/// The same with the radius held at what the silhouettes say.
+std::optional<FoundTube> grow_held(const HeightMap& map, TrackerConfig config, TubeModel start, double radius_m,
+                                   const std::vector<Eigen::Vector3d>& line_m) {
+  config.radius_m = radius_m;
+  start.radius_m = radius_m;
+  auto found = grow_from(map, config, start, line_m);
+  if (found) found->quality.radius_sigma_m = radius_m / found->evidence.width_px;  // half a pixel
+  return found;
 }
 
 }  // namespace
 
 std::optional<FoundTube> grow_tube(const HeightMap& map, const TrackerConfig& config, const Seed& seed) {
-  std::optional<FoundTube> found = grow_from(map, config, seed);
-  if (!found || config.radius_m) return found;
-  const std::optional<double> radius_m = silhouette_radius_m(*found);
-  if (!radius_m) return found;
-  TrackerConfig held = config;
-  held.radius_m = radius_m;
-  found->model.radius_m = *radius_m;
-  found = grow_model(map, held, std::move(found->model));
-  if (found) found->quality.radius_sigma_m = found->model.radius_m / found->evidence.width_px;  // half a pixel
+  const std::optional<FoundTube> start = fit_seed(map, config, seed);
+  if (!start) return std::nullopt;
+  if (config.radius_m) return grow_from(map, config, start->model, seed.line_m);
+  if (const auto radius_m = silhouette_radius_m(start->evidence, start->model.radius_m)) {
+    return grow_held(map, config, start->model, *radius_m, seed.line_m);
+  }
+  auto found = grow_from(map, config, start->model, seed.line_m);
+  if (!found) return found;
+  if (const auto radius_m = silhouette_radius_m(found->evidence, found->model.radius_m)) {
+    return grow_held(map, config, found->model, *radius_m, {});
+  }
   return found;
 }
 
@@ -183,11 +202,15 @@ std::optional<std::string> why_no_tube(const FoundTube& found, const TrackerConf
   if (!e.turns_away()) return "the surface goes on beyond both sides";
   const double straight = std::max(e.left.straight_share, e.right.straight_share);
   if (e.edge_share > 0.45 || straight > 0.6) return "goes straight on beyond a side";
+  // A short piece tells its taper poorly.
+  if (std::abs(e.taper) > (e.length_m > 4.0 * radius ? 0.055 : 0.09)) return fmt::format("its radius changes by {:.0f} % of the length", 100.0 * std::abs(e.taper));
   if (std::min(e.left.reach_radii, e.right.reach_radii) < 0.5) return "only one side is seen";
-  if (e.support < 0.6) return fmt::format("support {:.2f}", e.support);
-  const double roughness_m = std::min(0.06 * radius, std::max(0.001, 0.25 * e.sigma_m) + 0.01 * radius);
+  if (e.support < 0.8) return fmt::format("only {:.0f} % of its surface agrees", 100.0 * e.support);
+  const bool clear = e.support > 0.88 && std::min(e.left.reach_radii, e.right.reach_radii) > 0.88 && e.noise_ratio < 1.2;
+  if (e.length_m < 2.3 * radius && !clear) return "too short to be told from a lump";
+  const double roughness_m = std::min(0.06 * radius, std::max(0.0008, 0.2 * e.sigma_m) + 0.005 * radius);
   if (e.profile_rms_radii * radius > roughness_m) return fmt::format("profile off by {:.1f} mm", 1e3 * e.profile_rms_radii * radius);
-  if (e.noise_ratio > 1.5) return fmt::format("residuals {:.1f} times the noise", e.noise_ratio);
+  if (e.noise_ratio > 1.45) return fmt::format("residuals {:.1f} times the noise", e.noise_ratio);
   if (radius < 3.0 * e.sigma_m) return fmt::format("thinner than the noise of {:.1f} mm shows", 1e3 * e.sigma_m);
   return std::nullopt;
 }

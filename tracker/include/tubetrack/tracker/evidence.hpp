@@ -42,7 +42,7 @@ struct Side {
   double reach_radii = 1.0;  ///< how far from the axis the surface agrees with the circle; 1 up to the silhouette
   bool ends = false;         ///< past its reach there is background or nothing, so the reach is the true silhouette
   bool drops = false;        ///< beyond the silhouette it is deeper than the axis, or nothing returns
-  bool rises = false;        ///< beyond the silhouette a neighbour comes nearer than the axis
+  bool rises = false;        ///< from the silhouette on it comes nearer: a neighbour, or the table on the near side
   double straight_share = 0.0;  ///< as Evidence::edge_share, for this side alone
 
   /// A tube's side turns away from the camera; an edge's or a bulge's goes on.
@@ -51,7 +51,7 @@ struct Side {
 
 /// Numbers that tell a tube from everything else that votes like one.
 struct Evidence {
-  double support = 0.0;         ///< agreeing pixels over expected ones
+  double support = 0.0;         ///< agreeing pixels over expected ones, where it is seen
   double arc_rad = 0.0;         ///< how much of the section is seen
   double profile_rms_radii = 0.0;  ///< mean shape of the section against the circle, pooled along the tube, RMS in radii
   double width_px = 0.0;

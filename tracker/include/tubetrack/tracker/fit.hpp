@@ -51,7 +51,7 @@ struct FitOptions {
   double radius_min_m = 0.001;
   double radius_max_m = 1.0;
   int gauss_newton_steps = 2;
-  bool straight = false;  ///< hold the line straight: for the first fit of a short seed
+  double suppleness = 1.0;  ///< how far the line may bend: 1 any tube; small values hold a short seed straight
 };
 
 /// What Gauss-Newton says of its result.
