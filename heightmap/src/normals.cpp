@@ -180,8 +180,8 @@ std::vector<WindowPlane> planes_from_sums(const HeightMap& map, const std::vecto
     for (int u = half; u < width - half; ++u) {
       const std::size_t at = map.cell(u, v);
       if (map.count[at] == 0 || edge_distance_px[at] <= half) continue;
-      const std::size_t left = static_cast<std::size_t>(u - half);
-      const std::size_t right = static_cast<std::size_t>(u + half + 1);
+      const std::size_t left = static_cast<std::size_t>(u) - static_cast<std::size_t>(half);
+      const std::size_t right = static_cast<std::size_t>(u) + static_cast<std::size_t>(half) + 1;
       const Moments sums = table[bottom + right] - table[bottom + left] - table[top + right] + table[top + left];
       solve_plane(sums, map.rays[at], cells, planes[at]);
     }
@@ -200,6 +200,7 @@ std::vector<Surfel> tube_surfels(const HeightMap& map, const NoiseModel& noise, 
   const std::vector<std::uint8_t> distance = edge_distances(map, noise);
   const std::vector<Moments> table = summed_areas(map);
   std::vector<std::vector<WindowPlane>> scales;
+  scales.reserve(kWindowHalfSizes_px.size());
   for (const int half : kWindowHalfSizes_px) scales.push_back(planes_from_sums(map, table, half, distance));
   std::vector<Surfel> surfels;
   for (std::size_t at = 0; at < map.rays.size(); ++at) {

@@ -90,9 +90,9 @@ class DepthStream final : public oni::driver::StreamBase {
       case ONI_STREAM_PROPERTY_VERTICAL_FOV:
         return put(static_cast<float>(2.0 * std::atan(0.5 * in.height / in.fy_px)), data, size);
       case ONI_STREAM_PROPERTY_MAX_VALUE:
-        return put(int{65535}, data, size);
+        return put(65535, data, size);
       case ONI_STREAM_PROPERTY_MIN_VALUE:
-        return put(int{0}, data, size);
+        return put(0, data, size);
       case ONI_STREAM_PROPERTY_MIRRORING:
         return put(mirrored_, data, size);
       case ONI_STREAM_PROPERTY_CROPPING:

@@ -144,7 +144,7 @@ std::int64_t RecordingPlayer::play_once(FrameSource& source, const std::stop_tok
     next_index_ = frame.index + 1;
   }
   const std::int64_t sent = sent_ - sent_before;
-  if (sent > 0) {
+  if (sent > 0 && first_timestamp_s) {
     // A repeat follows at the recording's mean pace.
     const double round_s = last_timestamp_s - *first_timestamp_s;
     const double interval_s = sent > 1 ? round_s / static_cast<double>(sent - 1) : 1.0 / 30.0;

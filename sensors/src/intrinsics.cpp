@@ -60,7 +60,7 @@ Eigen::Vector2d project(const Intrinsics& in, const Eigen::Vector3d& point_in_ca
 }
 
 Eigen::Vector2d normalized_ray(const Intrinsics& in, double u_px, double v_px) {
-  const Eigen::Vector2d seen((u_px - in.cx_px) / in.fx_px, (v_px - in.cy_px) / in.fy_px);
+  Eigen::Vector2d seen((u_px - in.cx_px) / in.fx_px, (v_px - in.cy_px) / in.fy_px);
   if (!in.has_distortion()) return seen;
   Eigen::Vector2d ideal = seen;
   // Some ten rounds for a mild lens; a strong one contracts slowly in the corners, so the end is where nothing moves.

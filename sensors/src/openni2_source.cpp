@@ -62,7 +62,7 @@ class UnplugListener final : public openni::OpenNI::DeviceDisconnectedListener {
   explicit UnplugListener(std::string uri) : uri_(std::move(uri)) {
     openni::OpenNI::addDeviceDisconnectedListener(this);
   }
-  ~UnplugListener() { openni::OpenNI::removeDeviceDisconnectedListener(this); }
+  ~UnplugListener() override { openni::OpenNI::removeDeviceDisconnectedListener(this); }
   UnplugListener(const UnplugListener&) = delete;
   UnplugListener& operator=(const UnplugListener&) = delete;
 
@@ -296,6 +296,7 @@ std::vector<DeviceDescription> devices_now() {
   openni::Array<openni::DeviceInfo> found;
   openni::OpenNI::enumerateDevices(&found);
   std::vector<DeviceDescription> devices;
+  devices.reserve(static_cast<std::size_t>(found.getSize()));
   for (int i = 0; i < found.getSize(); ++i) {
     devices.push_back({found[i].getUri(), found[i].getVendor(), found[i].getName()});
   }
