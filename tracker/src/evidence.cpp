@@ -1,5 +1,6 @@
 #include "tubetrack/tracker/evidence.hpp"
 
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -49,6 +50,19 @@ struct ShapeSums {
   /// In radii when the offs were; 0 where it is less than twice its σ.
   double flatness() const { return std::abs(slope()) > 2.0 * slope_sigma() ? slope() : 0.0; }
 };
+
+/// The tightest bend of the centreline, judged over two radii of length at a time.
+double min_bend_radii(const TubeModel& model, const Extent& extent, double length_m) {
+  const double t_of_radius = (extent.t_end - extent.t_begin) * model.radius_m / std::max(length_m, 1e-9);
+  double sharpest = 1e-9;
+  for (double t = extent.t_begin + t_of_radius; t < extent.t_end - t_of_radius; t += 0.25) {
+    const Eigen::Vector3d before = point_at(model.spline, t) - point_at(model.spline, t - t_of_radius);
+    const Eigen::Vector3d after = point_at(model.spline, t + t_of_radius) - point_at(model.spline, t);
+    const double turn = std::atan2(before.cross(after).norm(), before.dot(after));
+    sharpest = std::max(sharpest, turn * 2.0 * model.radius_m / (before.norm() + after.norm()));
+  }
+  return 1.0 / sharpest;
+}
 
 /// How far a reading may stray and still be this tube's.
 double agreement_m(const HeightMap& map, const NoiseModel& noise, const TubeModel& model, const PredictedPixel& pixel) {
@@ -136,16 +150,18 @@ constexpr std::size_t kParts = 8;  // of the length, each judged by itself
 constexpr std::array<double, 4> kRingBorders{1.1, 1.4, 1.75, 2.2};
 constexpr std::size_t kRings = kRingBorders.size() - 1;
 
-/// Medians of how far behind the axis it lies beside the tube, in radii, ring by ring for one part; 10 where nothing
-/// returned.
+/// Medians of how far behind the axis it lies beside the tube, in radii, ring by ring for one part; kNoReturn where
+/// nothing returned.
 using Rings = std::array<double, kRings>;
 using Beside = std::array<Rings, kParts>;
 
+constexpr double kNoReturn = 10.0;
+
 double median_or_far(std::vector<double>& values) {
-  if (values.size() < 3) return 10.0;
+  if (values.size() < 3) return kNoReturn;
   const auto at = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
   std::nth_element(values.begin(), at, values.end());
-  return *at;
+  return std::min(*at, 0.99 * kNoReturn);
 }
 
 /// On the left (sign −1) or right (+1) of the tube, from the pixels of one as thick as the outermost ring.
@@ -184,22 +200,23 @@ bool goes_straight_on(const Rings& rings) {
   return best < 0.25;
 }
 
-/// Of the parts, how many go straight on along planes that run along the axis on the sides asked for. (The ground that a
-/// can stands on crosses such depths too, but only in passing.)
+/// Of the parts with returns on all sides asked for, the share that goes straight on along planes that run along the
+/// axis. (The ground that a can stands on crosses such depths too, but only in passing.) 0 where hardly any returned.
 double straight_share(std::span<const Beside> sides) {
-  const auto straight = [&](std::size_t i) {
-    return std::all_of(sides.begin(), sides.end(), [&](const Beside& s) { return goes_straight_on(s[i]); });
-  };
-  const auto alike = [&](std::size_t i, std::size_t j) {
-    return std::all_of(sides.begin(), sides.end(), [&](const Beside& s) { return std::abs(s[i][0] - s[j][0]) < 0.25; });
-  };
+  const auto all_sides = [&](auto&& holds) { return std::all_of(sides.begin(), sides.end(), holds); };
+  int known = 0;
   int most = 0;
   for (std::size_t i = 0; i < kParts; ++i) {
+    known += all_sides([&](const Beside& side) { return side[i][0] < kNoReturn; }) ? 1 : 0;
     int count = 0;
-    for (std::size_t j = 0; j < kParts; ++j) count += straight(i) && straight(j) && alike(i, j) ? 1 : 0;
+    for (std::size_t j = 0; j < kParts; ++j) {
+      count += all_sides([&](const Beside& side) {
+        return goes_straight_on(side[i]) && goes_straight_on(side[j]) && std::abs(side[i][0] - side[j][0]) < 0.25;
+      }) ? 1 : 0;
+    }
     most = std::max(most, count);
   }
-  return static_cast<double>(most) / kParts;
+  return known >= 3 ? static_cast<double>(most) / known : 0.0;
 }
 
 /// How much deeper it gets beside the tube from one end to the other, in radii: the ground that a can stands on crosses
@@ -227,9 +244,6 @@ void look_beside(const HeightMap& map, const TubeModel& model, const Extent& ext
   const std::array<Beside, 2> both{beside(map, model, extent, pixels, -1.0),
                                    beside(map, model, extent, pixels, 1.0)};
   const auto& [left, right] = both;
-#ifdef TT_DEBUG
-  if (getenv("TT_R")) { for (auto& side : both) { for (auto& r : side) printf(" [%.2f %.2f %.2f]", r[0], r[1], r[2]); printf("\n"); } }
-#endif
   evidence.edge_share = straight_share(both);
   evidence.left.straight_share = straight_share({&left, 1});
   evidence.right.straight_share = straight_share({&right, 1});
@@ -304,6 +318,7 @@ Evidence gather_evidence(const HeightMap& map, const NoiseModel& noise, const Tu
   }
   Evidence evidence;
   evidence.length_m = arc_length_m(model.spline, extent.t_begin, extent.t_end);
+  evidence.min_bend_radii = min_bend_radii(model, extent, evidence.length_m);
   if (agree == 0) return evidence;
   evidence.left = side_of(map, noise, model, extent, predicted, -1.0);
   evidence.right = side_of(map, noise, model, extent, predicted, 1.0);

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 
 #include "stopwatch.hpp"
 #include "tubetrack/tracker/trace.hpp"
@@ -114,24 +113,7 @@ std::vector<FoundTube> find_tubes(AccumulationMap& votes, std::span<const Surfel
     const bool known = found && std::any_of(tubes.begin(), tubes.end(), [&](const FoundTube& tube) {
       return same_tube(*found, tube);
     });
-#ifdef TT_DEBUG
-    {
-      const std::string why = !found ? std::string("fit") : known ? std::string("known") : why_no_tube(*found, config).value_or("OK");
-      printf("  peak %d at %.3f %.3f %.3f R0 %.4f trace %zu -> %s", sum.votes, center.x(), center.y(), center.z(), radius_m, trace.size(), why.c_str());
-      if (found) printf(" | R %.4f+-%.4f L %.3f sup %.2f arc %.0f prof %.3f noise %.2f px %.0f", found->model.radius_m, found->quality.radius_sigma_m, found->evidence.length_m, found->evidence.support, found->evidence.arc_rad*57.3, found->evidence.profile_rms_radii, found->evidence.noise_ratio, found->evidence.width_px);
-      if (found) { printf(" flat %.2f+-%.2f edge %.2f %.2f %.2f st %d tap %.2f reach %.2f/%d%d%d %.2f/%d%d%d", found->evidence.flatness, found->evidence.flatness_sigma, found->evidence.edge_share, found->evidence.left.straight_share, found->evidence.right.straight_share, found->evidence.stands, found->evidence.taper, found->evidence.left.reach_radii, found->evidence.left.ends, found->evidence.left.drops, found->evidence.left.rises, found->evidence.right.reach_radii, found->evidence.right.ends, found->evidence.right.drops, found->evidence.right.rises); }
-      printf("\n");
-      if (found && getenv("TT_ST")) {
-        const double sl = station_length_m(map, found->model);
-        for (const auto& st : stations_of(map, config.noise, found->model, found->pixels, sl)) printf("     t %.2f exp %d agree %d before %d behind %d flat %.2f %s\n", st.t, st.expected, st.agree, st.before, st.behind, st.flatness, st.t >= found->extent.t_begin && st.t <= found->extent.t_end ? "*" : "");
-      }
-    }
-#endif
-#ifdef TT_DEBUG
-    if (!found || known || (why_no_tube(*found, config) && !getenv("TT_KEEP"))) {
-#else
     if (!found || known || why_no_tube(*found, config)) {
-#endif
       ++failures;
       failed.insert(failed.end(), trace.begin(), trace.end());
       watch.lap(times.fit_ms);

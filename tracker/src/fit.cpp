@@ -101,28 +101,31 @@ ResidualTerm residual_of(const TubeModel& model, const Observation& observation)
   ResidualTerm term;
   double t = observation.t;
   double shift = 0.0;  // from the measured point to the predicted one, along the direction
-  double slope = 0.0;
-  Eigen::Vector3d outward = Eigen::Vector3d::Zero();
   for (int i = 0; i < 5; ++i) {
-    const Eigen::Vector3d point = observation.point_m + shift * observation.direction;
-    t = foot_parameter(model.spline, point, t);
     // Off the line's end the tube goes straight on, so only what is across the axis counts.
     const Eigen::Vector3d along = derivative_at(model.spline, t).normalized();
-    Eigen::Vector3d from_axis = point - point_at(model.spline, t);
-    from_axis -= from_axis.dot(along) * along;
-    const double distance = from_axis.norm();
-    if (distance < 1e-9) return term;
-    outward = from_axis / distance;
-    slope = outward.dot(observation.direction);
-    if (slope > -0.17) return term;  // beyond 80°, or the far side: no stable intersection
-    const double step = (model.radius_m - distance) / slope;
-    shift += std::clamp(step, -model.radius_m, model.radius_m);
-    if (std::abs(step) < 1e-7) break;
+    const auto across = [&](const Eigen::Vector3d& v) -> Eigen::Vector3d { return v - v.dot(along) * along; };
+    const Eigen::Vector3d from_axis = across(observation.point_m - point_at(model.spline, t));
+    const Eigen::Vector3d ray = across(observation.direction);
+    const double a = ray.squaredNorm();
+    if (a < 1e-6) return term;
+    const double b = ray.dot(from_axis);
+    const double discriminant = b * b - a * (from_axis.squaredNorm() - model.radius_m * model.radius_m);
+    // The nearer intersection of the whole ray, wherever on it the reading is: whether a reading counts must not
+    // depend on its residual. Beyond 80° there is no stable intersection.
+    const double slope = -std::sqrt(std::max(discriminant, 0.0)) / model.radius_m;
+    if (slope > -0.17) return term;
+    const double before = shift;
+    shift = (-b + slope * model.radius_m) / a;
+    const Eigen::Vector3d outward = (from_axis + shift * ray) / model.radius_m;
+    term.by_point = outward / slope;
+    term.by_radius = 1.0 / slope;
+    const double old_t = t;
+    t = foot_parameter(model.spline, observation.point_m + shift * observation.direction, t);
+    if (i > 0 && std::abs(shift - before) < 1e-7 && std::abs(t - old_t) < 1e-4) break;
   }
   term.residual_m = -shift;
   term.basis = basis_at(model.spline, t);
-  term.by_point = outward / slope;
-  term.by_radius = 1.0 / slope;
   term.valid = true;
   return term;
 }

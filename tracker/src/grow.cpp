@@ -13,7 +13,7 @@ namespace {
 
 double spacing_m(const Spline& spline) { return (spline.control_m[2] - spline.control_m[1]).norm(); }
 
-/// Cuts the extent where the centreline bends tighter than a tube can (2.5 radii), seen from its middle.
+/// Cuts the extent where the centreline bends tighter than a tube can (1.5 radii), seen from its middle.
 void cut_at_kinks(const TubeModel& model, Extent& extent) {
   const double middle = 0.5 * (extent.t_begin + extent.t_end);
   const auto kinked = [&](double t) {
@@ -22,7 +22,7 @@ void cut_at_kinks(const TubeModel& model, Extent& extent) {
     const Eigen::Vector3d after = derivative_at(model.spline, t + kStep);
     const double turn = std::atan2(before.cross(after).norm(), before.dot(after));
     const double length = (point_at(model.spline, t + kStep) - point_at(model.spline, t - kStep)).norm();
-    return turn * 2.5 * model.radius_m > length;
+    return turn * 1.5 * model.radius_m > length;
   };
   for (double t = middle; t < extent.t_end; t += 0.125) {
     if (kinked(t)) extent.t_end = t;
@@ -80,12 +80,6 @@ std::optional<FoundTube> fit_seed(const HeightMap& map, const TrackerConfig& con
     options.radius_m = gate_radii > 0.4 ? model.radius_m : config.radius_m;
     const auto pixels = predict_pixels(map, model);
     const auto observations = select_observations(map, config.noise, pixels, gate_radii * model.radius_m, 3.0);
-#ifdef TT_DEBUG
-    printf("   gate %.2f R %.4f obs %zu of %zu axis %.2f %.2f %.2f\n", gate_radii, model.radius_m, observations.size(), pixels.size(), seed.axis.x(), seed.axis.y(), seed.axis.z());
-#endif
-#ifdef TT_DEBUG
-    { auto a = point_at(model.spline, 0), b = point_at(model.spline, model.spline.spans()); double m=0; for (auto& o : observations) m += residual_of(model, o).residual_m; printf("     %.3f %.3f %.3f .. %.3f %.3f %.3f mean res %.4f\n", a.x(), a.y(), a.z(), b.x(), b.y(), b.z(), m/observations.size()); }
-#endif
     if (!fit_tube(model, observations, options)) return std::nullopt;
   }
   found.extent = {0.0, model.spline.spans()};
@@ -120,11 +114,6 @@ std::optional<FoundTube> grow_model(const HeightMap& map, const TrackerConfig& c
   found.extent = confirmed_extent(map, config, found);
   bool settled = false;
   for (int round = 0; round < kMaxRounds; ++round) {
-#ifdef TT_DEBUG
-    if (getenv("TT_G")) printf("     round %d R %.4f spans %.0f extent %.2f %.2f pixels %zu\n", round, found.model.radius_m, found.model.spline.spans(), found.extent.t_begin, found.extent.t_end, found.pixels.size());
-    if (getenv("TT_G") && found.extent.t_end <= found.extent.t_begin) { const double sl = station_length_m(map, found.model);
-        for (const auto& st : stations_of(map, config.noise, found.model, found.pixels, sl)) printf("     t %.2f exp %d agree %d before %d behind %d flat %.2f\n", st.t, st.expected, st.agree, st.before, st.behind, st.flatness);}
-#endif
     if (found.extent.t_end <= found.extent.t_begin) return std::nullopt;
     const double gate_m = (round == 0 ? 0.2 : 0.1) * found.model.radius_m;
     auto observations = select_observations(map, config.noise, found.pixels, gate_m, 4.0);
@@ -133,7 +122,7 @@ std::optional<FoundTube> grow_model(const HeightMap& map, const TrackerConfig& c
     });
     // A short piece can't tell a bend from what lies beside it.
     const double confirmed_m = (found.extent.t_end - found.extent.t_begin) * spacing_m(found.model.spline);
-    options.suppleness = confirmed_m < 4.0 * found.model.radius_m ? 0.1 : 1.0;
+    options.suppleness = confirmed_m < 4.0 * found.model.radius_m ? 0.05 : 1.0;
     auto quality = fit_tube(found.model, observations, options);
     if (!quality) return std::nullopt;
     found.quality = std::move(*quality);
@@ -197,6 +186,7 @@ std::optional<std::string> why_no_tube(const FoundTube& found, const TrackerConf
   if (e.length_m < std::max(config.min_length_radii * radius, config.min_length_m)) {
     return fmt::format("length {:.3f} m is {:.2f} radii", e.length_m, e.length_m / radius);
   }
+  if (e.min_bend_radii < config.min_bend_radii) return fmt::format("a bend of {:.1f} radii", e.min_bend_radii);
   if (e.width_px < config.min_width_px) return fmt::format("only {:.1f} px wide", e.width_px);
   if (e.arc_rad < std::numbers::pi / 2.0) return fmt::format("only {:.0f}° of its section", e.arc_rad * 57.3);
   if (!e.turns_away()) return "the surface goes on beyond both sides";

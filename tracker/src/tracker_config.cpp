@@ -36,6 +36,7 @@ Expected<void> validate(const TrackerConfig& c) {
   if (!within(c.min_length_radii, 0.5, 100.0)) return refuse("min_length_radii", c.min_length_radii, "0.5 to 100 radii");
   if (!within(c.min_length_m, 0.0, 100.0)) return refuse("min_length_m", c.min_length_m, "metres, 0 to 100");
   if (!within(c.min_width_px, 4.0, 1000.0)) return refuse("min_width_px", c.min_width_px, "4 to 1000 pixels");
+  if (!within(c.min_bend_radii, 1.0, 1000.0)) return refuse("min_bend_radii", c.min_bend_radii, "1 to 1000 radii");
   if (c.cell_m && !within(*c.cell_m, 1e-4, 0.1)) return refuse("cell_m", *c.cell_m, "metres, 0.0001 to 0.1");
   if (c.threads < 1 || c.threads > 64) return refuse("threads", c.threads, "1 to 64");
   return {};

@@ -56,6 +56,7 @@ struct Evidence {
   double profile_rms_radii = 0.0;  ///< mean shape of the section against the circle, pooled along the tube, RMS in radii
   double width_px = 0.0;
   double length_m = 0.0;
+  double min_bend_radii = 0.0;  ///< radius of its tightest bend, in tube radii
   double sigma_m = 0.0;         ///< mean expected σ of a reading, seen straight on
   double noise_ratio = 0.0;     ///< residual RMS over its expected σ
   Side left, right;             ///< as the camera sees it
