@@ -32,26 +32,15 @@ void cut_at_kinks(const TubeModel& model, Extent& extent) {
   }
 }
 
-/// Makes the spline end within a span of what is seen, and reach beyond it. True when it changed.
-bool follow_extent(Spline& spline, const Extent& extent) {
-  bool changed = false;
-  const double spans = spline.spans();
+/// Cuts off what of the spline is not confirmed and goes straight on instead, one to two spans beyond: a bend that the
+/// fit carried past the confirmed part must not hide where the tube goes on.
+void reach_beyond(Spline& spline, const Extent& extent) {
   auto& q = spline.control_m;
-  if (extent.t_end > spans - 0.3) {
-    extend(spline, false, true);
-    changed = true;
-  } else {
-    const int spare = static_cast<int>(std::floor(spans - extent.t_end - 0.7));
-    for (int i = 0; i < spare && q.size() > 5; ++i) q.pop_back();
-  }
-  if (extent.t_begin < 0.3) {
-    extend(spline, true, false);
-    changed = true;
-  } else {
-    const int spare = static_cast<int>(std::floor(extent.t_begin - 0.7));
-    for (int i = 0; i < spare && q.size() > 5; ++i) q.erase(q.begin());
-  }
-  return changed || spans != spline.spans();
+  const double back_spare = spline.spans() - extent.t_end;
+  for (int i = 0; i <= static_cast<int>(back_spare) && q.size() > 5; ++i) q.pop_back();
+  for (int i = 0; i <= static_cast<int>(extent.t_begin) && q.size() > 5; ++i) q.erase(q.begin());
+  extend(spline, true, true);
+  extend(spline, true, true);
 }
 
 /// The radius that both silhouettes ask for, where they contradict the surface's curvature, which sensors that smooth
@@ -112,7 +101,7 @@ std::optional<FoundTube> grow_model(const HeightMap& map, const TrackerConfig& c
   options.radius_max_m = 1.5 * config.radius_max_m;
   found.pixels = predict_pixels(map, found.model);
   found.extent = confirmed_extent(map, config, found);
-  bool settled = false;
+  double length_before_m = 0.0;
   for (int round = 0; round < kMaxRounds; ++round) {
     if (found.extent.t_end <= found.extent.t_begin) return std::nullopt;
     const double gate_m = (round == 0 ? 0.2 : 0.1) * found.model.radius_m;
@@ -128,8 +117,11 @@ std::optional<FoundTube> grow_model(const HeightMap& map, const TrackerConfig& c
     found.quality = std::move(*quality);
     found.pixels = predict_pixels(map, found.model);
     found.extent = confirmed_extent(map, config, found);
+    const double length_m = (found.extent.t_end - found.extent.t_begin) * spacing_m(found.model.spline);
+    const bool settled = std::abs(length_m - length_before_m) < 0.1 * found.model.radius_m;
     if ((settled && round >= 4) || round + 1 == kMaxRounds) break;
-    settled = !follow_extent(found.model.spline, found.extent);
+    length_before_m = length_m;
+    reach_beyond(found.model.spline, found.extent);
     if (spacing_m(found.model.spline) < 1e-4) return std::nullopt;
     found.pixels = predict_pixels(map, found.model);
     found.extent = confirmed_extent(map, config, found);
