@@ -21,7 +21,7 @@ struct TrackerConfig {
   double min_length_radii = 1.5;  ///< a shorter tube is not reported
   double min_length_m = 0.020;    ///< nor one shorter than this
   double min_width_px = 8.0;      ///< nor one narrower in the image
-  double min_bend_radii = 3.5;    ///< nor one whose centreline bends tighter than this many tube radii
+  double min_bend_radii = 4.0;    ///< nor one whose centreline bends tighter than this many tube radii
   std::optional<double> cell_m;   ///< grid step of the accumulation map; empty: matched to the sensor, about two pixels
   int threads = 1;
   NoiseModel noise;
