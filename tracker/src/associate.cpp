@@ -36,9 +36,9 @@ void associate(Identities& identities, std::vector<Tube>& tubes) {
     const Tube& known = identities.known[k].tube;
     for (std::size_t i = 0; i < tubes.size(); ++i) {
       // The shorter line decides: a tube half hidden is still the same tube.
-      const double distance =
-          std::min(centerline_distance_m(known, tubes[i]), centerline_distance_m(tubes[i], known));
-      const bool alike = std::abs(known.radius_m - tubes[i].radius_m) < 0.25 * std::max(known.radius_m, tubes[i].radius_m);
+      const double distance = std::min(centerline_distance_m(known, tubes[i]), centerline_distance_m(tubes[i], known));
+      const bool alike =
+          std::abs(known.radius_m - tubes[i].radius_m) < 0.25 * std::max(known.radius_m, tubes[i].radius_m);
       if (alike && distance < 2.0 * known.radius_m) pairs.emplace_back(distance, k, i);
     }
   }

@@ -108,14 +108,17 @@ std::vector<Station> stations_of(const HeightMap& map, const NoiseModel& noise, 
   const int around = std::max(1, static_cast<int>(std::lround(0.25 * model.radius_m / length_m)));
   for (int i = 0; i < count; ++i) {
     ShapeSums sum;
-    for (int j = std::max(0, i - around); j <= std::min(count - 1, i + around); ++j) sum += shapes[static_cast<std::size_t>(j)];
+    for (int j = std::max(0, i - around); j <= std::min(count - 1, i + around); ++j)
+      sum += shapes[static_cast<std::size_t>(j)];
     stations[static_cast<std::size_t>(i)].flatness = sum.flatness();
   }
   return stations;
 }
 
 Extent seen_extent(const std::vector<Station>& stations, double station_m, double max_gap_m) {
-  const double half = stations.size() > 1 ? 0.5 * (stations[1].t - stations[0].t) : stations.empty() ? 0.0 : stations[0].t;
+  const double half = stations.size() > 1 ? 0.5 * (stations[1].t - stations[0].t)
+                      : stations.empty()  ? 0.0
+                                          : stations[0].t;
   Extent best;
   int best_seen = 0;
   std::size_t i = 0;
@@ -171,7 +174,8 @@ Beside beside(const HeightMap& map, const TubeModel& model, const Extent& extent
   for (const PredictedPixel& pixel : wide_pixels) {
     const double lateral = kRingBorders.back() * sign * pixel.lateral;
     const float measured = map.depth_m[pixel.cell];
-    if (lateral < kRingBorders.front() || pixel.t < extent.t_begin || pixel.t > extent.t_end || measured <= 0.0F) continue;
+    if (lateral < kRingBorders.front() || pixel.t < extent.t_begin || pixel.t > extent.t_end || measured <= 0.0F)
+      continue;
     const double along = (pixel.t - extent.t_begin) / (extent.t_end - extent.t_begin);
     const std::size_t part = std::min(kParts - 1, static_cast<std::size_t>(along * kParts));
     const std::size_t ring = lateral < kRingBorders[1] ? 0 : lateral < kRingBorders[2] ? 1 : 2;
@@ -212,7 +216,9 @@ double straight_share(std::span<const Beside> sides) {
     for (std::size_t j = 0; j < kParts; ++j) {
       count += all_sides([&](const Beside& side) {
         return goes_straight_on(side[i]) && goes_straight_on(side[j]) && std::abs(side[i][0] - side[j][0]) < 0.25;
-      }) ? 1 : 0;
+      })
+                   ? 1
+                   : 0;
     }
     most = std::max(most, count);
   }
@@ -222,7 +228,9 @@ double straight_share(std::span<const Beside> sides) {
 /// How much deeper it gets beside the tube from one end to the other, in radii: the ground that a can stands on crosses
 /// its axis, a box's faces run along it.
 double slope_along(const Beside& beside) {
-  const auto median = [](double a, double b, double c) { return std::max(std::min(a, b), std::min(std::max(a, b), c)); };
+  const auto median = [](double a, double b, double c) {
+    return std::max(std::min(a, b), std::min(std::max(a, b), c));
+  };
   return median(beside[5][0], beside[6][0], beside[7][0]) - median(beside[0][0], beside[1][0], beside[2][0]);
 }
 
@@ -241,8 +249,7 @@ void look_beside(const HeightMap& map, const TubeModel& model, const Extent& ext
   TubeModel wide = model;
   wide.radius_m = kRingBorders.back() * model.radius_m;
   const std::vector<PredictedPixel> pixels = predict_pixels(map, wide);
-  const std::array<Beside, 2> both{beside(map, model, extent, pixels, -1.0),
-                                   beside(map, model, extent, pixels, 1.0)};
+  const std::array<Beside, 2> both{beside(map, model, extent, pixels, -1.0), beside(map, model, extent, pixels, 1.0)};
   const auto& [left, right] = both;
   evidence.edge_share = straight_share(both);
   evidence.left.straight_share = straight_share({&left, 1});
@@ -268,8 +275,10 @@ Side side_of(const HeightMap& map, const NoiseModel& noise, const TubeModel& mod
     ++expected[bin];
     const float measured = map.depth_m[pixel.cell];
     const double off = measured - pixel.depth_m;
-    if (measured > 0.0F && std::abs(off) <= agreement_m(map, noise, model, pixel)) ++agree[bin];
-    else if (measured <= 0.0F || off > 0.0) ++past[bin];
+    if (measured > 0.0F && std::abs(off) <= agreement_m(map, noise, model, pixel))
+      ++agree[bin];
+    else if (measured <= 0.0F || off > 0.0)
+      ++past[bin];
   }
   Side side;
   int bin = kBins;

@@ -14,12 +14,14 @@ constexpr int kMinVotes = 12;
 constexpr int kMaxFailures = 60;
 
 /// The traced points around the peak as long as they run smoothly and at one radius.
-std::vector<Eigen::Vector3d> smooth_part(const std::vector<TracePoint>& trace, const VoxelIndex& peak, double radius_m) {
+std::vector<Eigen::Vector3d> smooth_part(const std::vector<TracePoint>& trace, const VoxelIndex& peak,
+                                         double radius_m) {
   const auto start = std::find_if(trace.begin(), trace.end(), [&](const TracePoint& p) { return p.voxel == peak; });
   const auto calm = [&](const TracePoint& before, const TracePoint& at, const TracePoint& after) {
     const Eigen::Vector3d first = at.position_m - before.position_m;
     const Eigen::Vector3d second = after.position_m - at.position_m;
-    return first.dot(second) > 0.82 * first.norm() * second.norm() && std::abs(after.radius_m - radius_m) < 0.25 * radius_m;
+    return first.dot(second) > 0.82 * first.norm() * second.norm() &&
+           std::abs(after.radius_m - radius_m) < 0.25 * radius_m;
   };
   std::vector<Eigen::Vector3d> line;
   if (start == trace.end() || start == trace.begin() || start + 1 == trace.end()) return line;
@@ -48,7 +50,8 @@ void withdraw_explained(AccumulationMap& votes, std::span<const Surfel> surfels,
     while (pixel != pixels.end() && pixel->cell < surfels[i].cell) ++pixel;
     if (pixel == pixels.end()) break;
     if (pixel->cell != surfels[i].cell || withdrawn[i]) continue;
-    if (std::abs(surfels[i].position_m.z() - pixel->depth_m) > 0.5 * tube.model.radius_m + 4.0F * surfels[i].sigma_m) continue;
+    if (std::abs(surfels[i].position_m.z() - pixel->depth_m) > 0.5 * tube.model.radius_m + 4.0F * surfels[i].sigma_m)
+      continue;
     withdrawn[i] = true;
     votes.withdraw(records[i]);
   }
@@ -110,9 +113,8 @@ std::vector<FoundTube> find_tubes(AccumulationMap& votes, std::span<const Surfel
     const Seed seed{center, axis_of(sum).direction, radius_m, smooth_part(trace, peak, radius_m)};
     watch.lap(times.trace_ms);
     auto found = grow_tube(map, config, seed);
-    const bool known = found && std::any_of(tubes.begin(), tubes.end(), [&](const FoundTube& tube) {
-      return same_tube(*found, tube);
-    });
+    const bool known = found && std::any_of(tubes.begin(), tubes.end(),
+                                            [&](const FoundTube& tube) { return same_tube(*found, tube); });
     if (!found || known || why_no_tube(*found, config)) {
       ++failures;
       failed.insert(failed.end(), trace.begin(), trace.end());

@@ -24,7 +24,8 @@ void add_observations(const TubeModel& model, const std::vector<Observation>& ob
     if (!term.valid) continue;
     const double weight = 1.0 / (observation.sigma_m * observation.sigma_m);
     Eigen::Matrix<double, 13, 1> row;
-    for (Eigen::Index i = 0; i < 4; ++i) row.segment<3>(3 * i) = term.basis.value[static_cast<std::size_t>(i)] * term.by_point;
+    for (Eigen::Index i = 0; i < 4; ++i)
+      row.segment<3>(3 * i) = term.basis.value[static_cast<std::size_t>(i)] * term.by_point;
     row[12] = free_radius ? term.by_radius : 0.0;
     const auto at = static_cast<Eigen::Index>(3 * term.basis.first);
     eq.matrix.block<12, 12>(at, at) += weight * row.head<12>() * row.head<12>().transpose();
@@ -37,8 +38,8 @@ void add_observations(const TubeModel& model, const std::vector<Observation>& ob
   }
 }
 
-/// Adds the prior that a combination of neighbouring control points, `first` on, is zero: `weight` is the inverse of its
-/// covariance.
+/// Adds the prior that a combination of neighbouring control points, `first` on, is zero: `weight` is the inverse of
+/// its covariance.
 template <std::size_t N>
 void add_prior(const std::vector<Eigen::Vector3d>& control_m, std::size_t first, const std::array<double, N>& factors,
                const Eigen::Matrix3d& weight, NormalEquations& eq) {
@@ -58,7 +59,8 @@ void add_prior(const std::vector<Eigen::Vector3d>& control_m, std::size_t first,
 void add_priors(const TubeModel& model, double suppleness, NormalEquations& eq) {
   const auto& q = model.spline.control_m;
   double spacing = 0.0;
-  for (std::size_t k = 0; k + 1 < q.size(); ++k) spacing += (q[k + 1] - q[k]).norm() / static_cast<double>(q.size() - 1);
+  for (std::size_t k = 0; k + 1 < q.size(); ++k)
+    spacing += (q[k + 1] - q[k]).norm() / static_cast<double>(q.size() - 1);
   const auto inverse_square = [](double sigma) { return 1.0 / (sigma * sigma); };
   // Where a straight meets the tightest usual bend (radius 5 R), the third difference is spacing² / 5 R.
   const double third_weight = inverse_square(0.3 * suppleness * spacing * spacing / (5.0 * model.radius_m));
@@ -70,7 +72,8 @@ void add_priors(const TubeModel& model, double suppleness, NormalEquations& eq) 
   const double even_weight = inverse_square(0.02 * spacing);
   for (std::size_t k = 0; k + 2 < q.size(); ++k) {
     const Eigen::Vector3d along = (q[k + 2] - q[k]).normalized();
-    const Eigen::Matrix3d weight = second_weight * Eigen::Matrix3d::Identity() + even_weight * along * along.transpose();
+    const Eigen::Matrix3d weight =
+        second_weight * Eigen::Matrix3d::Identity() + even_weight * along * along.transpose();
     add_prior<3>(q, k, {1.0, -2.0, 1.0}, weight, eq);
   }
   for (std::size_t k = 0; k < q.size(); ++k) {
@@ -82,8 +85,8 @@ void add_priors(const TubeModel& model, double suppleness, NormalEquations& eq) 
   }
 }
 
-NormalEquations normal_equations(const TubeModel& model, const std::vector<Observation>& observations,
-                                 bool free_radius, double suppleness) {
+NormalEquations normal_equations(const TubeModel& model, const std::vector<Observation>& observations, bool free_radius,
+                                 double suppleness) {
   const auto size = static_cast<Eigen::Index>(3 * model.spline.control_m.size() + 1);
   NormalEquations eq{Eigen::MatrixXd::Zero(size, size), Eigen::VectorXd::Zero(size)};
   add_observations(model, observations, free_radius, eq);

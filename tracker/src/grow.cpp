@@ -11,7 +11,9 @@ namespace tubetrack {
 
 namespace {
 
-double spacing_m(const Spline& spline) { return (spline.control_m[2] - spline.control_m[1]).norm(); }
+double spacing_m(const Spline& spline) {
+  return (spline.control_m[2] - spline.control_m[1]).norm();
+}
 
 /// Cuts the extent where the centreline bends tighter than a tube can (1.5 radii), seen from its middle.
 void cut_at_kinks(const TubeModel& model, Extent& extent) {
@@ -89,8 +91,8 @@ Extent confirmed_extent(const HeightMap& map, const TrackerConfig& config, const
   return extent;
 }
 
-/// Looks how far the image confirms the tube, fits to that part alone, lengthens or shortens it, until it stays. What is
-/// not confirmed yet (the table under a can, its lid) must not pull at the fit.
+/// Looks how far the image confirms the tube, fits to that part alone, lengthens or shortens it, until it stays. What
+/// is not confirmed yet (the table under a can, its lid) must not pull at the fit.
 std::optional<FoundTube> grow_model(const HeightMap& map, const TrackerConfig& config, TubeModel model) {
   constexpr int kMaxRounds = 40;
   FoundTube found;
@@ -185,13 +187,16 @@ std::optional<std::string> why_no_tube(const FoundTube& found, const TrackerConf
   const double straight = std::max(e.left.straight_share, e.right.straight_share);
   if (e.edge_share > 0.45 || straight > 0.6) return "goes straight on beyond a side";
   // A short piece tells its taper poorly.
-  if (std::abs(e.taper) > (e.length_m > 5.0 * radius ? 0.055 : 0.09)) return fmt::format("its radius changes by {:.0f} % of the length", 100.0 * std::abs(e.taper));
+  if (std::abs(e.taper) > (e.length_m > 5.0 * radius ? 0.055 : 0.09))
+    return fmt::format("its radius changes by {:.0f} % of the length", 100.0 * std::abs(e.taper));
   if (std::min(e.left.reach_radii, e.right.reach_radii) < 0.5) return "only one side is seen";
   if (e.support < 0.84) return fmt::format("only {:.0f} % of its surface agrees", 100.0 * e.support);
-  const bool clear = e.support > 0.88 && std::min(e.left.reach_radii, e.right.reach_radii) > 0.88 && e.noise_ratio < 1.2;
+  const bool clear =
+      e.support > 0.88 && std::min(e.left.reach_radii, e.right.reach_radii) > 0.88 && e.noise_ratio < 1.2;
   if (e.length_m < 2.3 * radius && !clear) return "too short to be told from a lump";
   const double roughness_m = std::min(0.06 * radius, std::max(0.0008, 0.2 * e.sigma_m) + 0.005 * radius);
-  if (e.profile_rms_radii * radius > roughness_m) return fmt::format("profile off by {:.1f} mm", 1e3 * e.profile_rms_radii * radius);
+  if (e.profile_rms_radii * radius > roughness_m)
+    return fmt::format("profile off by {:.1f} mm", 1e3 * e.profile_rms_radii * radius);
   if (e.noise_ratio > 1.45) return fmt::format("residuals {:.1f} times the noise", e.noise_ratio);
   if (radius < 3.5 * e.sigma_m) return fmt::format("thinner than the noise of {:.1f} mm shows", 1e3 * e.sigma_m);
   return std::nullopt;

@@ -23,7 +23,8 @@ bool place_in_image(const Intrinsics& in, double radius_m, const Eigen::Vector3d
   if (near < 0.02) return false;
   double u_min = 1e9, u_max = -1e9, v_min = 1e9, v_max = -1e9;
   for (const Eigen::Vector3d& point : {piece.start_m, end_m}) {
-    for (const Eigen::Vector3d& side : {Eigen::Vector3d(radius_m, radius_m, 0.0), Eigen::Vector3d(-radius_m, -radius_m, 0.0)}) {
+    for (const Eigen::Vector3d& side :
+         {Eigen::Vector3d(radius_m, radius_m, 0.0), Eigen::Vector3d(-radius_m, -radius_m, 0.0)}) {
       for (const double depth : {point.z() - radius_m, point.z() + radius_m}) {
         const Eigen::Vector2d pixel = project(in, Eigen::Vector3d(point.x() + side.x(), point.y() + side.y(), depth));
         u_min = std::min(u_min, pixel.x());

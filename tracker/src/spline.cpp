@@ -54,7 +54,8 @@ Spline spline_along(const std::vector<Eigen::Vector3d>& polyline_m, double spaci
   for (int i = 0; i <= spans; ++i) {
     const double at = arc_m.back() * i / spans;
     const auto after = std::upper_bound(arc_m.begin(), arc_m.end(), at);
-    const std::size_t hi = std::clamp<std::size_t>(static_cast<std::size_t>(after - arc_m.begin()), 1, arc_m.size() - 1);
+    const std::size_t hi =
+        std::clamp<std::size_t>(static_cast<std::size_t>(after - arc_m.begin()), 1, arc_m.size() - 1);
     const double length = arc_m[hi] - arc_m[hi - 1];
     const double s = length > 0.0 ? (at - arc_m[hi - 1]) / length : 0.0;
     spline.control_m.push_back(polyline_m[hi - 1] + s * (polyline_m[hi] - polyline_m[hi - 1]));
@@ -66,7 +67,8 @@ Spline spline_along(const std::vector<Eigen::Vector3d>& polyline_m, double spaci
 void extend(Spline& spline, bool front, bool back) {
   auto& q = spline.control_m;
   double spacing = 0.0;
-  for (std::size_t k = 0; k + 1 < q.size(); ++k) spacing += (q[k + 1] - q[k]).norm() / static_cast<double>(q.size() - 1);
+  for (std::size_t k = 0; k + 1 < q.size(); ++k)
+    spacing += (q[k + 1] - q[k]).norm() / static_cast<double>(q.size() - 1);
   // The direction over two spans: one alone would carry its noise on.
   const std::size_t back_by = std::min<std::size_t>(2, q.size() - 1);
   const Eigen::Vector3d after = q.back() + spacing * (q.back() - q[q.size() - 1 - back_by]).normalized();

@@ -37,9 +37,8 @@ VoxelIndex best_on_patch(const AccumulationMap& map, const Eigen::Vector3d& cent
 
 bool comes_back(const std::vector<TracePoint>& line, const Eigen::Vector3d& position_m, double step_m) {
   const std::size_t recent = std::min<std::size_t>(line.size(), 3);
-  return std::any_of(line.begin(), line.end() - static_cast<std::ptrdiff_t>(recent), [&](const TracePoint& point) {
-    return (point.position_m - position_m).norm() < 0.5 * step_m;
-  });
+  return std::any_of(line.begin(), line.end() - static_cast<std::ptrdiff_t>(recent),
+                     [&](const TracePoint& point) { return (point.position_m - position_m).norm() < 0.5 * step_m; });
 }
 
 }  // namespace

@@ -13,7 +13,9 @@ tl::unexpected<Error> refuse(const char* field, double got, const char* takes) {
   return tl::make_unexpected(Error::usage(fmt::format("{}: got {:g}, takes {}", field, got, takes)));
 }
 
-bool within(double value, double low, double high) { return std::isfinite(value) && value >= low && value <= high; }
+bool within(double value, double low, double high) {
+  return std::isfinite(value) && value >= low && value <= high;
+}
 
 }  // namespace
 
@@ -31,9 +33,11 @@ Expected<void> validate(const TrackerConfig& c) {
     return refuse("radius_m", *c.radius_m, "metres, less than depth_max_m: is it in millimetres?");
   }
   if (c.roi_width_px < 0 || c.roi_height_px < 0 || c.roi_u_px < 0 || c.roi_v_px < 0) {
-    return refuse("roi", std::min({c.roi_u_px, c.roi_v_px, c.roi_width_px, c.roi_height_px}), "u,v,w,h in pixels, all ≥ 0");
+    return refuse("roi", std::min({c.roi_u_px, c.roi_v_px, c.roi_width_px, c.roi_height_px}),
+                  "u,v,w,h in pixels, all ≥ 0");
   }
-  if (!within(c.min_length_radii, 0.5, 100.0)) return refuse("min_length_radii", c.min_length_radii, "0.5 to 100 radii");
+  if (!within(c.min_length_radii, 0.5, 100.0))
+    return refuse("min_length_radii", c.min_length_radii, "0.5 to 100 radii");
   if (!within(c.min_length_m, 0.0, 100.0)) return refuse("min_length_m", c.min_length_m, "metres, 0 to 100");
   if (!within(c.min_width_px, 4.0, 1000.0)) return refuse("min_width_px", c.min_width_px, "4 to 1000 pixels");
   if (!within(c.min_bend_radii, 1.0, 1000.0)) return refuse("min_bend_radii", c.min_bend_radii, "1 to 1000 radii");

@@ -23,8 +23,8 @@ struct TubeTracker::State {
 namespace {
 
 HeightMapLimits limits_of(const TrackerConfig& config) {
-  return {config.depth_min_m,  config.depth_max_m,  config.roi_u_px,
-          config.roi_v_px,     config.roi_width_px, config.roi_height_px};
+  return {config.depth_min_m, config.depth_max_m,  config.roi_u_px,
+          config.roi_v_px,    config.roi_width_px, config.roi_height_px};
 }
 
 SurfelOptions surfel_options(const TrackerConfig& config) {
@@ -108,9 +108,9 @@ const TubeFrame& TubeTracker::track(const DepthFrame& frame) {
   const Intrinsics& in = s.map.intrinsics;
   if (frame.pose_missing || !frame.pixels || frame.width != in.width || frame.height != in.height) {
     s.result.status = frame.pose_missing ? TrackStatus::no_pose : TrackStatus::corrupt;
-    s.result.problem = frame.pose_missing ? "no pose within 20 ms"
-                                          : fmt::format("image is {}×{}, takes {}×{}", frame.width, frame.height,
-                                                        in.width, in.height);
+    s.result.problem = frame.pose_missing
+                           ? "no pose within 20 ms"
+                           : fmt::format("image is {}×{}, takes {}×{}", frame.width, frame.height, in.width, in.height);
     return s.result;
   }
   Stopwatch whole;

@@ -26,12 +26,12 @@ struct Observation {
 /// Where one pixel's ray meets the model.
 struct PredictedPixel {
   std::uint32_t cell = 0;
-  float depth_m = 0.0F;         ///< z of the nearest intersection
-  float t = 0.0F;               ///< place on the centreline
-  float cos_incidence = 0.0F;   ///< between ray and surface normal, > 0
-  float lateral = 0.0F;         ///< −1 … 1: sideways from the axis as seen from the camera, in radii
-  float axis_depth_m = 0.0F;    ///< z at which the ray is nearest to the axis
-  float across = 0.0F;          ///< metres across the axis for one metre of z along the ray
+  float depth_m = 0.0F;        ///< z of the nearest intersection
+  float t = 0.0F;              ///< place on the centreline
+  float cos_incidence = 0.0F;  ///< between ray and surface normal, > 0
+  float lateral = 0.0F;        ///< −1 … 1: sideways from the axis as seen from the camera, in radii
+  float axis_depth_m = 0.0F;   ///< z at which the ray is nearest to the axis
+  float across = 0.0F;         ///< metres across the axis for one metre of z along the ray
 };
 
 /// Every pixel whose ray meets the tube, once each, in cell order. Includes pixels without a return.
@@ -61,9 +61,10 @@ struct FitQuality {
   Eigen::MatrixXd covariance;  ///< of all control points (x, y, z each) and, last, the radius; inflated by χ² above 1
 };
 
-/// Gauss-Newton on residuals along the observations' directions (paper, section 2.3, equation 1, with the noise where it
-/// is), over all control points and the radius at once; set and weights stay as they are. The centreline is smooth in its
-/// third difference, which leaves straights and arcs alone. Empty where too little is observed or the fit breaks down.
+/// Gauss-Newton on residuals along the observations' directions (paper, section 2.3, equation 1, with the noise where
+/// it is), over all control points and the radius at once; set and weights stay as they are. The centreline is smooth
+/// in its third difference, which leaves straights and arcs alone. Empty where too little is observed or the fit breaks
+/// down.
 std::optional<FitQuality> fit_tube(TubeModel& model, const std::vector<Observation>& observations,
                                    const FitOptions& options);
 
