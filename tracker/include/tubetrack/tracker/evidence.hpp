@@ -62,10 +62,10 @@ struct Evidence {
   /// Share of the length along which the surface goes straight on beyond both silhouettes, as it does from the rounded
   /// edge of a box: planes tangent to the circle and along its axis.
   double edge_share = 0.0;
-  /// A tube's sides turn away from the camera, an edge's or a bulge's go on. One free silhouette is enough, or
-  /// neighbours on both sides.
+  /// A tube's sides turn away from the camera, an edge's or a bulge's go on. One side is enough: the other may be
+  /// hidden.
   bool turns_away() const {
-    return stands || left.ends || left.drops || right.ends || right.drops || (left.rises && right.rises);
+    return stands || left.ends || left.drops || left.rises || right.ends || right.drops || right.rises;
   }
 
   double flatness = 0.0;  ///< as Station's, over all that is seen
