@@ -1,4 +1,4 @@
-#include "tubetrack/tracker/fit.hpp"
+#include "tubetrack/tracker/predict.hpp"
 
 #include <gtest/gtest.h>
 
@@ -87,7 +87,7 @@ TEST(ResidualTerm, IsTheDistanceAlongTheRayFromThePredictedSurface) {
   const Vector3d axis = Vector3d(1.0, 0.4, 0.2).normalized();
   const TubeModel model = straight_model({0.0, 0.02, 0.8}, axis, 0.2, 0.015);
   const HeightMap map = cylinder_map(kCamera, {0.0, 0.02, 0.8}, axis, 0.15, 0.015);
-  for (const PredictedPixel& pixel : predict_pixels(map, model)) {
+  for (const PredictedPixel& pixel : predict_pixels(map, NoiseModel{}, model)) {
     if (map.depth_m[pixel.cell] <= 0.0F || pixel.cos_incidence < 0.3F) continue;
     const Vector3d ray = Vector3d(map.rays[pixel.cell].x(), map.rays[pixel.cell].y(), 1.0);
     for (const double off_m : {-0.004, 0.0, 0.004}) {
@@ -143,10 +143,10 @@ std::vector<Observation> observe(const Straight& tube, std::mt19937_64* random) 
   const NoiseModel noise;
   std::normal_distribution<double> gauss;
   std::vector<Observation> observations;
-  for (const PredictedPixel& pixel : predict_pixels(map, model)) {
+  for (const PredictedPixel& pixel : predict_pixels(map, NoiseModel{}, model)) {
     if (pixel.cos_incidence < 0.2588F || map.depth_m[pixel.cell] <= 0.0F) continue;
     const Vector3d ray(map.rays[pixel.cell].x(), map.rays[pixel.cell].y(), 1.0);
-    const double sigma = predicted_sigma_m(map, noise, pixel);
+    const double sigma = static_cast<double>(pixel.sigma_m);
     const double z = pixel.depth_m + (random ? sigma * gauss(*random) : 0.0);
     observations.push_back({z * ray, ray.normalized(), sigma * ray.norm(), pixel.t});
   }

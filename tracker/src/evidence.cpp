@@ -65,14 +65,13 @@ double min_bend_radii(const TubeModel& model, const Extent& extent, double lengt
 }
 
 /// How far a reading may stray and still be this tube's.
-double agreement_m(const HeightMap& map, const NoiseModel& noise, const TubeModel& model, const PredictedPixel& pixel) {
-  return 3.5 * predicted_sigma_m(map, noise, pixel) + 0.05 * model.radius_m;
+double agreement_m(const TubeModel& model, const PredictedPixel& pixel) {
+  return 3.5 * pixel.sigma_m + 0.05 * model.radius_m;
 }
 
 /// A reading of the tube or of what may stand in its place.
-void add_to_shape(const HeightMap& map, const NoiseModel& noise, const TubeModel& model, const PredictedPixel& pixel,
-                  double off_m, ShapeSums& shape) {
-  const double sigma_m = predicted_sigma_m(map, noise, pixel);
+void add_to_shape(const TubeModel& model, const PredictedPixel& pixel, double off_m, ShapeSums& shape) {
+  const double sigma_m = pixel.sigma_m;
   if (std::abs(off_m) > 0.6 * model.radius_m + 4.0 * sigma_m) return;
   const double cos_angle = std::sqrt(std::max(0.0, 1.0 - 1.0 * pixel.lateral * pixel.lateral));
   const double radii = pixel.across / model.radius_m;
@@ -86,7 +85,7 @@ double station_length_m(const HeightMap& map, const TubeModel& model) {
   return std::max(0.002, 2.0 * middle.z() / map.intrinsics.fx_px);
 }
 
-std::vector<Station> stations_of(const HeightMap& map, const NoiseModel& noise, const TubeModel& model,
+std::vector<Station> stations_of(const HeightMap& map, const TubeModel& model,
                                  const std::vector<PredictedPixel>& predicted, double length_m) {
   const double spans = model.spline.spans();
   const int count = std::max(1, static_cast<int>(std::ceil(arc_length_m(model.spline, 0.0, spans) / length_m)));
@@ -101,8 +100,8 @@ std::vector<Station> stations_of(const HeightMap& map, const NoiseModel& noise, 
     const float measured = map.depth_m[pixel.cell];
     if (measured <= 0.0F) continue;
     const double off = measured - pixel.depth_m;
-    const double allowed = agreement_m(map, noise, model, pixel);
-    add_to_shape(map, noise, model, pixel, off, shapes[static_cast<std::size_t>(at)]);
+    const double allowed = agreement_m(model, pixel);
+    add_to_shape(model, pixel, off, shapes[static_cast<std::size_t>(at)]);
     ++(std::abs(off) <= allowed ? station.agree : off < 0.0 ? station.before : station.behind);
   }
   const int around = std::max(1, static_cast<int>(std::lround(0.25 * model.radius_m / length_m)));
@@ -245,10 +244,10 @@ void judge_beside(const Beside& beside, Side& side) {
   side.rises = 2 * rises >= static_cast<int>(kParts);
 }
 
-void look_beside(const HeightMap& map, const TubeModel& model, const Extent& extent, Evidence& evidence) {
+void look_beside(const HeightMap& map, const NoiseModel& noise, const TubeModel& model, const Extent& extent, Evidence& evidence) {
   TubeModel wide = model;
   wide.radius_m = kRingBorders.back() * model.radius_m;
-  const std::vector<PredictedPixel> pixels = predict_pixels(map, wide);
+  const std::vector<PredictedPixel> pixels = predict_pixels(map, noise, wide);
   const std::array<Beside, 2> both{beside(map, model, extent, pixels, -1.0), beside(map, model, extent, pixels, 1.0)};
   const auto& [left, right] = both;
   evidence.edge_share = straight_share(both);
@@ -262,7 +261,7 @@ void look_beside(const HeightMap& map, const TubeModel& model, const Extent& ext
 }
 
 /// How far the surface agrees with the circle on one side, by bins of a 40th of the radius pooled along the tube.
-Side side_of(const HeightMap& map, const NoiseModel& noise, const TubeModel& model, const Extent& extent,
+Side side_of(const HeightMap& map, const TubeModel& model, const Extent& extent,
              const std::vector<PredictedPixel>& predicted, double sign) {
   constexpr int kBins = 40;
   std::array<int, kBins> expected{};
@@ -275,7 +274,7 @@ Side side_of(const HeightMap& map, const NoiseModel& noise, const TubeModel& mod
     ++expected[bin];
     const float measured = map.depth_m[pixel.cell];
     const double off = measured - pixel.depth_m;
-    if (measured > 0.0F && std::abs(off) <= agreement_m(map, noise, model, pixel))
+    if (measured > 0.0F && std::abs(off) <= agreement_m(model, pixel))
       ++agree[bin];
     else if (measured <= 0.0F || off > 0.0)
       ++past[bin];
@@ -316,9 +315,9 @@ Evidence gather_evidence(const HeightMap& map, const NoiseModel& noise, const Tu
     const float measured = map.depth_m[pixel.cell];
     if (measured <= 0.0F) continue;
     const double off = measured - pixel.depth_m;
-    add_to_shape(map, noise, model, pixel, off, pixel.t < middle ? first_half : second_half);
-    if (std::abs(off) > agreement_m(map, noise, model, pixel)) continue;
-    const double sigma = predicted_sigma_m(map, noise, pixel);
+    add_to_shape(model, pixel, off, pixel.t < middle ? first_half : second_half);
+    if (std::abs(off) > agreement_m(model, pixel)) continue;
+    const double sigma = pixel.sigma_m;
     ++agree;
     ++hits[at];
     sum[at] += off * pixel.cos_incidence;
@@ -329,9 +328,9 @@ Evidence gather_evidence(const HeightMap& map, const NoiseModel& noise, const Tu
   evidence.length_m = arc_length_m(model.spline, extent.t_begin, extent.t_end);
   evidence.min_bend_radii = min_bend_radii(model, extent, evidence.length_m);
   if (agree == 0) return evidence;
-  evidence.left = side_of(map, noise, model, extent, predicted, -1.0);
-  evidence.right = side_of(map, noise, model, extent, predicted, 1.0);
-  look_beside(map, model, extent, evidence);
+  evidence.left = side_of(map, model, extent, predicted, -1.0);
+  evidence.right = side_of(map, model, extent, predicted, 1.0);
+  look_beside(map, noise, model, extent, evidence);
   // A cone is flatter than the mean circle at its wide end, and rounder at the other.
   evidence.taper = 2.0 * (second_half.slope() - first_half.slope()) * model.radius_m / evidence.length_m;
   ShapeSums shape = first_half;
@@ -341,7 +340,7 @@ Evidence gather_evidence(const HeightMap& map, const NoiseModel& noise, const Tu
   // Where the tube is hidden it is not confirmed, but nothing speaks against it either.
   int seen_agree = 0;
   int seen_expected = 0;
-  for (const Station& station : stations_of(map, noise, model, predicted, station_length_m(map, model))) {
+  for (const Station& station : stations_of(map, model, predicted, station_length_m(map, model))) {
     if (!station.seen() || station.t < extent.t_begin || station.t > extent.t_end) continue;
     seen_agree += station.agree;
     seen_expected += station.expected;

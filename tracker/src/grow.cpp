@@ -69,12 +69,12 @@ std::optional<FoundTube> fit_seed(const HeightMap& map, const TrackerConfig& con
   options.radius_max_m = 1.5 * config.radius_max_m;
   for (const double gate_radii : {0.5, 0.3, 0.2, 0.15}) {
     options.radius_m = gate_radii > 0.4 ? model.radius_m : config.radius_m;
-    const auto pixels = predict_pixels(map, model);
-    const auto observations = select_observations(map, config.noise, pixels, gate_radii * model.radius_m, 3.0);
+    const auto pixels = predict_pixels(map, config.noise, model);
+    const auto observations = select_observations(map, pixels, gate_radii * model.radius_m, 3.0);
     if (!fit_tube(model, observations, options)) return std::nullopt;
   }
   found.extent = {0.0, model.spline.spans()};
-  found.pixels = predict_pixels(map, model);
+  found.pixels = predict_pixels(map, config.noise, model);
   found.evidence = gather_evidence(map, config.noise, model, found.pixels, found.extent);
   const Evidence& e = found.evidence;
   const bool in_range = model.radius_m > 0.85 * config.radius_min_m && model.radius_m < 1.15 * config.radius_max_m;
@@ -83,9 +83,9 @@ std::optional<FoundTube> fit_seed(const HeightMap& map, const TrackerConfig& con
 }
 
 /// How far along the model the image confirms it.
-Extent confirmed_extent(const HeightMap& map, const TrackerConfig& config, const FoundTube& found) {
+Extent confirmed_extent(const HeightMap& map, const FoundTube& found) {
   const double station_m = station_length_m(map, found.model);
-  const auto stations = stations_of(map, config.noise, found.model, found.pixels, station_m);
+  const auto stations = stations_of(map, found.model, found.pixels, station_m);
   Extent extent = seen_extent(stations, station_m, 4.0 * found.model.radius_m);
   cut_at_kinks(found.model, extent);
   return extent;
@@ -101,13 +101,13 @@ std::optional<FoundTube> grow_model(const HeightMap& map, const TrackerConfig& c
   options.radius_m = config.radius_m;
   options.radius_min_m = 0.5 * config.radius_min_m;
   options.radius_max_m = 1.5 * config.radius_max_m;
-  found.pixels = predict_pixels(map, found.model);
-  found.extent = confirmed_extent(map, config, found);
+  found.pixels = predict_pixels(map, config.noise, found.model);
+  found.extent = confirmed_extent(map, found);
   double length_before_m = 0.0;
   for (int round = 0; round < kMaxRounds; ++round) {
     if (found.extent.t_end <= found.extent.t_begin) return std::nullopt;
     const double gate_m = (round == 0 ? 0.2 : 0.1) * found.model.radius_m;
-    auto observations = select_observations(map, config.noise, found.pixels, gate_m, 4.0);
+    auto observations = select_observations(map, found.pixels, gate_m, 4.0);
     std::erase_if(observations, [&](const Observation& observation) {
       return observation.t < found.extent.t_begin || observation.t > found.extent.t_end;
     });
@@ -117,16 +117,16 @@ std::optional<FoundTube> grow_model(const HeightMap& map, const TrackerConfig& c
     auto quality = fit_tube(found.model, observations, options);
     if (!quality) return std::nullopt;
     found.quality = std::move(*quality);
-    found.pixels = predict_pixels(map, found.model);
-    found.extent = confirmed_extent(map, config, found);
+    found.pixels = predict_pixels(map, config.noise, found.model);
+    found.extent = confirmed_extent(map, found);
     const double length_m = (found.extent.t_end - found.extent.t_begin) * spacing_m(found.model.spline);
     const bool settled = std::abs(length_m - length_before_m) < 0.1 * found.model.radius_m;
     if ((settled && round >= 4) || round + 1 == kMaxRounds) break;
     length_before_m = length_m;
     reach_beyond(found.model.spline, found.extent);
     if (spacing_m(found.model.spline) < 1e-4) return std::nullopt;
-    found.pixels = predict_pixels(map, found.model);
-    found.extent = confirmed_extent(map, config, found);
+    found.pixels = predict_pixels(map, config.noise, found.model);
+    found.extent = confirmed_extent(map, found);
   }
   if (found.extent.t_end <= found.extent.t_begin) return std::nullopt;
   found.evidence = gather_evidence(map, config.noise, found.model, found.pixels, found.extent);

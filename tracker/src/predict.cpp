@@ -1,127 +1,180 @@
+#include "tubetrack/tracker/predict.hpp"
+
 #include <Eigen/Geometry>
 #include <algorithm>
+#include <array>
 #include <cmath>
-
-#include "tubetrack/tracker/fit.hpp"
+#include <optional>
 
 namespace tubetrack {
 
 namespace {
 
-/// A short straight piece of the tube and the part of the image that it can cover.
+/// A short straight piece of the tube, cut off by the mitre planes it shares with its neighbours.
 struct Piece {
-  Eigen::Vector3d start_m;
-  Eigen::Vector3d axis;  ///< unit
-  double length_m = 0.0;
+  Eigen::Vector3d start_m, end_m;
+  Eigen::Vector3d axis;                      ///< unit
+  Eigen::Vector3d start_across;              ///< of start_m, the part across the axis
+  Eigen::Vector3d start_mitre, end_mitre;    ///< normals of the planes, per metre along this piece's axis
   double t_start = 0.0;
-  double t_length = 0.0;
-  int u_begin = 0, u_end = 0, v_begin = 0, v_end = 0;
 };
 
-bool place_in_image(const Intrinsics& in, double radius_m, const Eigen::Vector3d& end_m, Piece& piece) {
-  const double near = std::min(piece.start_m.z(), end_m.z()) - radius_m;
-  if (near < 0.02) return false;
-  double u_min = 1e9, u_max = -1e9, v_min = 1e9, v_max = -1e9;
-  for (const Eigen::Vector3d& point : {piece.start_m, end_m}) {
-    for (const Eigen::Vector3d& side :
-         {Eigen::Vector3d(radius_m, radius_m, 0.0), Eigen::Vector3d(-radius_m, -radius_m, 0.0)}) {
-      for (const double depth : {point.z() - radius_m, point.z() + radius_m}) {
-        const Eigen::Vector2d pixel = project(in, Eigen::Vector3d(point.x() + side.x(), point.y() + side.y(), depth));
-        u_min = std::min(u_min, pixel.x());
-        u_max = std::max(u_max, pixel.x());
-        v_min = std::min(v_min, pixel.y());
-        v_max = std::max(v_max, pixel.y());
-      }
-    }
-  }
-  const auto clamp = [](double value, int high) { return static_cast<int>(std::clamp(value, 0.0, 1.0 * high)); };
-  piece.u_begin = clamp(u_min - 1.0, in.width);
-  piece.u_end = clamp(u_max + 2.0, in.width);
-  piece.v_begin = clamp(v_min - 1.0, in.height);
-  piece.v_end = clamp(v_max + 2.0, in.height);
-  return piece.u_begin < piece.u_end && piece.v_begin < piece.v_end;
-}
+constexpr double kSpansPerPiece = 0.5;
 
-/// The nearer intersection of the ray z·(x, y, 1) with a piece; nothing where it misses.
-std::optional<PredictedPixel> intersect(const Piece& piece, double radius_m, const Eigen::Vector3d& ray) {
-  const Eigen::Vector3d ray_across = ray - ray.dot(piece.axis) * piece.axis;
-  const Eigen::Vector3d start_across = piece.start_m - piece.start_m.dot(piece.axis) * piece.axis;
-  const double a = ray_across.squaredNorm();
-  const double b = ray_across.dot(start_across);
-  const double discriminant = b * b - a * (start_across.squaredNorm() - radius_m * radius_m);
-  if (a < 1e-12 || discriminant <= 0.0) return std::nullopt;
-  const double z = (b - std::sqrt(discriminant)) / a;
-  if (z <= 0.0) return std::nullopt;
-  const Eigen::Vector3d hit = z * ray;
-  const double along = (hit - piece.start_m).dot(piece.axis);
-  const double slack = 0.15 * piece.length_m;  // closes the wedge outside a bend
-  if (along < -slack || along > piece.length_m + slack) return std::nullopt;
-  const Eigen::Vector3d normal = (hit - piece.start_m - along * piece.axis) / radius_m;
-  const double inside = std::sqrt(std::max(0.0, start_across.squaredNorm() - b * b / a)) / radius_m;
-  const double side = start_across.cross(ray_across).dot(piece.axis) > 0.0 ? 1.0 : -1.0;
-  PredictedPixel pixel;
-  pixel.depth_m = static_cast<float>(z);
-  pixel.t = static_cast<float>(piece.t_start + along / piece.length_m * piece.t_length);
-  pixel.cos_incidence = static_cast<float>(-normal.dot(ray) / ray.norm());
-  pixel.lateral = static_cast<float>(side * inside);
-  pixel.axis_depth_m = static_cast<float>(b / a);
-  pixel.across = static_cast<float>(std::sqrt(a));
-  return pixel;
-}
-
-}  // namespace
-
-std::vector<PredictedPixel> predict_pixels(const HeightMap& map, const TubeModel& model) {
-  std::vector<PredictedPixel> pixels;
-  const int pieces = static_cast<int>(2.0 * model.spline.spans());
+std::vector<Piece> cut_into_pieces(const TubeModel& model) {
+  const int count = static_cast<int>(std::lround(model.spline.spans() / kSpansPerPiece));
+  std::vector<Piece> pieces;
+  pieces.reserve(static_cast<std::size_t>(count));
   Eigen::Vector3d from = point_at(model.spline, 0.0);
-  for (int i = 0; i < pieces; ++i) {
-    const Eigen::Vector3d to = point_at(model.spline, 0.5 * (i + 1));
+  for (int i = 0; i < count; ++i) {
     Piece piece;
     piece.start_m = from;
-    piece.length_m = (to - from).norm();
-    piece.t_start = 0.5 * i;
-    piece.t_length = 0.5;
-    from = to;
-    if (piece.length_m < 1e-6) continue;
-    piece.axis = (to - piece.start_m) / piece.length_m;
-    if (!place_in_image(map.intrinsics, model.radius_m, to, piece)) continue;
-    for (int v = piece.v_begin; v < piece.v_end; ++v) {
-      for (int u = piece.u_begin; u < piece.u_end; ++u) {
-        const std::size_t at = map.cell(u, v);
-        auto pixel = intersect(piece, model.radius_m, Eigen::Vector3d(map.rays[at].x(), map.rays[at].y(), 1.0));
-        if (!pixel) continue;
-        pixel->cell = static_cast<std::uint32_t>(at);
-        pixels.push_back(*pixel);
-      }
-    }
+    piece.end_m = from = point_at(model.spline, kSpansPerPiece * (i + 1));
+    const double length_m = (piece.end_m - piece.start_m).norm();
+    if (length_m < 1e-6) continue;
+    piece.axis = (piece.end_m - piece.start_m) / length_m;
+    piece.start_across = piece.start_m - piece.start_m.dot(piece.axis) * piece.axis;
+    piece.t_start = kSpansPerPiece * i;
+    piece.start_mitre = piece.end_mitre = piece.axis;
+    pieces.push_back(piece);
   }
+  for (std::size_t i = 1; i < pieces.size(); ++i) {
+    const Eigen::Vector3d mitre = pieces[i - 1].axis + pieces[i].axis;
+    if (mitre.squaredNorm() < 0.5) continue;  // folded back on itself: cut straight
+    pieces[i - 1].end_mitre = mitre / mitre.dot(pieces[i - 1].axis);
+    pieces[i].start_mitre = mitre / mitre.dot(pieces[i].axis);
+  }
+  return pieces;
+}
+
+/// A piece's outline in the image: a quadrangle around it, a little too large.
+using Quad = std::array<Eigen::Vector2d, 4>;
+
+/// How far a circle of the tube around `center_m` reaches in the image along a unit direction.
+double reach_px(const Intrinsics& in, const Eigen::Vector3d& center_m, const Piece& piece, double radius_m,
+                const Eigen::Vector2d& direction) {
+  const double z = center_m.z() - radius_m;
+  Eigen::Matrix<double, 2, 3> by_point;
+  by_point << in.fx_px / z, 0.0, -in.fx_px * center_m.x() / (z * center_m.z()), 0.0, in.fy_px / z,
+      -in.fy_px * center_m.y() / (z * center_m.z());
+  const Eigen::Vector3d gradient = by_point.transpose() * direction;
+  return radius_m * (gradient - gradient.dot(piece.axis) * piece.axis).norm();
+}
+
+std::optional<Quad> outline_of(const Intrinsics& in, const Piece& piece, double radius_m) {
+  if (std::min(piece.start_m.z(), piece.end_m.z()) - radius_m < 0.02) return std::nullopt;
+  const Eigen::Vector2d from = project(in, piece.start_m);
+  const Eigen::Vector2d to = project(in, piece.end_m);
+  Eigen::Vector2d along = to - from;
+  along = along.norm() > 1e-6 ? Eigen::Vector2d(along.normalized()) : Eigen::Vector2d::UnitX();
+  const Eigen::Vector2d side(-along.y(), along.x());
+  // Mitre planes lean: by as much as the bend within a piece, which a tenth of the radius covers.
+  const auto reach = [&](const Eigen::Vector3d& center, const Eigen::Vector2d& direction) {
+    return 1.1 * reach_px(in, center, piece, radius_m, direction) + 1.5;
+  };
+  const double lean = 0.35 * reach_px(in, piece.start_m, piece, radius_m, side);
+  const double back = reach(piece.start_m, along) + lean;
+  const double front = reach(piece.end_m, along) + lean;
+  const double from_half = reach(piece.start_m, side);
+  const double to_half = reach(piece.end_m, side);
+  return Quad{from - back * along - from_half * side, to + front * along - to_half * side,
+              to + front * along + to_half * side, from - back * along + from_half * side};
+}
+
+/// Calls visit(u, v) for the pixels inside the outline.
+template <class Visit>
+void for_each_pixel(const Quad& quad, const Intrinsics& in, Visit&& visit) {
+  double top = quad[0].y(), bottom = quad[0].y();
+  for (const Eigen::Vector2d& corner : quad) {
+    top = std::min(top, corner.y());
+    bottom = std::max(bottom, corner.y());
+  }
+  const int v_begin = static_cast<int>(std::clamp(std::ceil(top), 0.0, 1.0 * in.height));
+  const int v_end = static_cast<int>(std::clamp(std::floor(bottom) + 1.0, 0.0, 1.0 * in.height));
+  for (int v = v_begin; v < v_end; ++v) {
+    double left = 1e9, right = -1e9;
+    for (std::size_t i = 0; i < 4; ++i) {
+      const Eigen::Vector2d& a = quad[i];
+      const Eigen::Vector2d& b = quad[(i + 1) % 4];
+      if (std::min(a.y(), b.y()) > v || std::max(a.y(), b.y()) < v) continue;
+      const double s = a.y() == b.y() ? 0.0 : (v - a.y()) / (b.y() - a.y());
+      const double u = a.x() + s * (b.x() - a.x());
+      left = std::min({left, u, a.y() == b.y() ? b.x() : u});
+      right = std::max({right, u, a.y() == b.y() ? b.x() : u});
+    }
+    const int u_begin = static_cast<int>(std::clamp(std::ceil(left), 0.0, 1.0 * in.width));
+    const int u_end = static_cast<int>(std::clamp(std::floor(right) + 1.0, 0.0, 1.0 * in.width));
+    for (int u = u_begin; u < u_end; ++u) visit(u, v);
+  }
+}
+
+/// The nearer intersection of the ray z·(x, y, 1) with a piece; false where it misses.
+bool intersect(const Piece& piece, double radius_m, const Eigen::Vector3d& ray, PredictedPixel& pixel) {
+  const double ray_along = ray.dot(piece.axis);
+  const Eigen::Vector3d ray_across = ray - ray_along * piece.axis;
+  const double a = ray_across.squaredNorm();
+  const double b = ray_across.dot(piece.start_across);
+  const double off2 = piece.start_across.squaredNorm();
+  const double discriminant = b * b - a * (off2 - radius_m * radius_m);
+  if (a < 1e-12 || discriminant <= 0.0) return false;
+  const double z = (b - std::sqrt(discriminant)) / a;
+  if (z <= 0.0) return false;
+  const Eigen::Vector3d hit = z * ray;
+  const double from_start = (hit - piece.start_m).dot(piece.start_mitre);
+  const double to_end = (piece.end_m - hit).dot(piece.end_mitre);
+  if (from_start < 0.0 || to_end <= 0.0) return false;
+  const double side = piece.start_across.cross(ray_across).dot(piece.axis) > 0.0 ? 1.0 : -1.0;
+  pixel.depth_m = static_cast<float>(z);
+  pixel.t = static_cast<float>(piece.t_start + kSpansPerPiece * from_start / (from_start + to_end));
+  pixel.cos_incidence = static_cast<float>((piece.start_across - z * ray_across).dot(ray_across) /
+                                           (radius_m * ray.norm()));
+  pixel.lateral = static_cast<float>(side * std::sqrt(std::max(0.0, off2 - b * b / a)) / radius_m);
+  pixel.axis_depth_m = static_cast<float>(b / a);
+  pixel.across = static_cast<float>(std::sqrt(a));
+  return true;
+}
+
+void sort_by_cell(std::vector<PredictedPixel>& pixels) {
   std::sort(pixels.begin(), pixels.end(), [](const PredictedPixel& a, const PredictedPixel& b) {
     return a.cell != b.cell ? a.cell < b.cell : a.depth_m < b.depth_m;
   });
   const auto same_cell = [](const PredictedPixel& a, const PredictedPixel& b) { return a.cell == b.cell; };
   pixels.erase(std::unique(pixels.begin(), pixels.end(), same_cell), pixels.end());
+}
+
+}  // namespace
+
+std::vector<PredictedPixel> predict_pixels(const HeightMap& map, const NoiseModel& noise, const TubeModel& model) {
+  std::vector<PredictedPixel> pixels;
+  for (const Piece& piece : cut_into_pieces(model)) {
+    const std::optional<Quad> outline = outline_of(map.intrinsics, piece, model.radius_m);
+    if (!outline) continue;
+    for_each_pixel(*outline, map.intrinsics, [&](int u, int v) {
+      PredictedPixel pixel;
+      pixel.cell = static_cast<std::uint32_t>(map.cell(u, v));
+      const Eigen::Vector2f& ray = map.rays[pixel.cell];
+      if (!intersect(piece, model.radius_m, Eigen::Vector3d(ray.x(), ray.y(), 1.0), pixel)) return;
+      pixel.sigma_m = static_cast<float>(
+          depth_sigma_m(noise, pixel.depth_m, std::acos(std::min(1.0F, pixel.cos_incidence)), map.intrinsics.fx_px));
+      pixels.push_back(pixel);
+    });
+  }
+  sort_by_cell(pixels);
   return pixels;
 }
 
-double predicted_sigma_m(const HeightMap& map, const NoiseModel& noise, const PredictedPixel& pixel) {
-  return depth_sigma_m(noise, pixel.depth_m, std::acos(std::clamp(static_cast<double>(pixel.cos_incidence), 0.0, 1.0)),
-                       map.intrinsics.fx_px);
-}
-
-std::vector<Observation> select_observations(const HeightMap& map, const NoiseModel& noise,
-                                             const std::vector<PredictedPixel>& predicted, double gate_m,
-                                             double gate_sigmas) {
+std::vector<Observation> select_observations(const HeightMap& map, const std::vector<PredictedPixel>& predicted,
+                                             double gate_m, double gate_sigmas) {
   constexpr float kCos75 = 0.2588F;
   std::vector<Observation> observations;
   observations.reserve(predicted.size());
   for (const PredictedPixel& pixel : predicted) {
     const float measured = map.depth_m[pixel.cell];
     if (measured <= 0.0F || pixel.cos_incidence < kCos75) continue;
-    const double sigma = predicted_sigma_m(map, noise, pixel);
-    if (std::abs(measured - pixel.depth_m) > gate_m + gate_sigmas * sigma) continue;
+    if (std::abs(measured - pixel.depth_m) > gate_m + gate_sigmas * pixel.sigma_m) continue;
     const Eigen::Vector3d ray(map.rays[pixel.cell].x(), map.rays[pixel.cell].y(), 1.0);
-    observations.push_back({measured * ray, ray.normalized(), sigma * ray.norm(), pixel.t});
+    const double norm = ray.norm();
+    observations.push_back({measured * ray, ray / norm, pixel.sigma_m * norm, pixel.t});
   }
   return observations;
 }

@@ -18,27 +18,32 @@ SplineBasis basis_at(const Spline& spline, double t) {
   return basis;
 }
 
+CurvePoint curve_at(const Spline& spline, double t) {
+  CurvePoint at;
+  at.basis = basis_at(spline, t);
+  for (std::size_t i = 0; i < 4; ++i) {
+    const Eigen::Vector3d& control = spline.control_m[at.basis.first + i];
+    at.position_m += at.basis.value[i] * control;
+    at.derivative_m += at.basis.derivative[i] * control;
+  }
+  return at;
+}
+
 Eigen::Vector3d point_at(const Spline& spline, double t) {
-  const SplineBasis basis = basis_at(spline, t);
-  Eigen::Vector3d point = Eigen::Vector3d::Zero();
-  for (std::size_t i = 0; i < 4; ++i) point += basis.value[i] * spline.control_m[basis.first + i];
-  return point;
+  return curve_at(spline, t).position_m;
 }
 
 Eigen::Vector3d derivative_at(const Spline& spline, double t) {
-  const SplineBasis basis = basis_at(spline, t);
-  Eigen::Vector3d derivative = Eigen::Vector3d::Zero();
-  for (std::size_t i = 0; i < 4; ++i) derivative += basis.derivative[i] * spline.control_m[basis.first + i];
-  return derivative;
+  return curve_at(spline, t).derivative_m;
 }
 
 double foot_parameter(const Spline& spline, const Eigen::Vector3d& point_m, double t) {
   for (int i = 0; i < 3; ++i) {
-    const Eigen::Vector3d derivative = derivative_at(spline, t);
-    const double speed2 = derivative.squaredNorm();
+    const CurvePoint at = curve_at(spline, t);
+    const double speed2 = at.derivative_m.squaredNorm();
     if (speed2 <= 0.0) break;
     // Leaving out the curvature term keeps the step safe inside tight bends; it still converges.
-    const double step = (point_m - point_at(spline, t)).dot(derivative) / speed2;
+    const double step = (point_m - at.position_m).dot(at.derivative_m) / speed2;
     t = std::clamp(t + std::clamp(step, -0.5, 0.5), 0.0, spline.spans());
   }
   return t;

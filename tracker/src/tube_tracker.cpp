@@ -54,9 +54,9 @@ void add_uncertainty(const FoundTube& found, double t, Tube& tube) {
 }
 
 /// A found tube as a result: nodes about half a radius apart along what is seen.
-Tube result_of(const FoundTube& found, const HeightMap& map, const NoiseModel& noise) {
+Tube result_of(const FoundTube& found, const HeightMap& map) {
   const double station_m = station_length_m(map, found.model);
-  const auto stations = stations_of(map, noise, found.model, found.pixels, station_m);
+  const auto stations = stations_of(map, found.model, found.pixels, station_m);
   Tube tube;
   tube.radius_m = found.model.radius_m;
   tube.radius_sigma_m = found.quality.radius_sigma_m;
@@ -132,7 +132,7 @@ const TubeFrame& TubeTracker::track(const DepthFrame& frame) {
   stage.lap(s.result.stages.accumulate_ms);
 
   const auto found = find_tubes(votes, surfels, records, s.map, s.config, s.result.stages);  // algorithm 2, section 2.3
-  for (const FoundTube& tube : found) s.result.tubes.push_back(result_of(tube, s.map, s.config.noise));
+  for (const FoundTube& tube : found) s.result.tubes.push_back(result_of(tube, s.map));
   if (frame.world_from_camera) {
     for (Tube& tube : s.result.tubes) move_to_world(tube, *frame.world_from_camera);
   }

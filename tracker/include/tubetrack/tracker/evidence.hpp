@@ -3,7 +3,7 @@
 #include <cmath>
 #include <vector>
 
-#include "tubetrack/tracker/fit.hpp"
+#include "tubetrack/tracker/predict.hpp"
 
 namespace tubetrack {
 
@@ -25,7 +25,7 @@ struct Station {
 double station_length_m(const HeightMap& map, const TubeModel& model);
 
 /// Stations of about `length_m` each, in order of t, over the whole spline.
-std::vector<Station> stations_of(const HeightMap& map, const NoiseModel& noise, const TubeModel& model,
+std::vector<Station> stations_of(const HeightMap& map, const TubeModel& model,
                                  const std::vector<PredictedPixel>& predicted, double length_m);
 
 /// The stretch of the centreline that is seen: from the first to the last seen station of the run with the most of

@@ -3,7 +3,6 @@
 #include <optional>
 #include <vector>
 
-#include "tubetrack/heightmap/height_map.hpp"
 #include "tubetrack/tracker/spline.hpp"
 
 namespace tubetrack {
@@ -23,34 +22,12 @@ struct Observation {
   double t = 0.0;
 };
 
-/// Where one pixel's ray meets the model.
-struct PredictedPixel {
-  std::uint32_t cell = 0;
-  float depth_m = 0.0F;        ///< z of the nearest intersection
-  float t = 0.0F;              ///< place on the centreline
-  float cos_incidence = 0.0F;  ///< between ray and surface normal, > 0
-  float lateral = 0.0F;        ///< −1 … 1: sideways from the axis as seen from the camera, in radii
-  float axis_depth_m = 0.0F;   ///< z at which the ray is nearest to the axis
-  float across = 0.0F;         ///< metres across the axis for one metre of z along the ray
-};
-
-/// Every pixel whose ray meets the tube, once each, in cell order. Includes pixels without a return.
-std::vector<PredictedPixel> predict_pixels(const HeightMap& map, const TubeModel& model);
-
-/// The σ of a reading on the predicted surface (DESIGN §2: axial noise and lateral jitter on a slope), metres along z.
-double predicted_sigma_m(const HeightMap& map, const NoiseModel& noise, const PredictedPixel& pixel);
-
-/// The pixels to fit: predicted incidence below 75° (never chosen by residual beyond the gate that keeps other surfaces
-/// out), reading within gate_m + gate_sigmas·σ of the prediction.
-std::vector<Observation> select_observations(const HeightMap& map, const NoiseModel& noise,
-                                             const std::vector<PredictedPixel>& predicted, double gate_m,
-                                             double gate_sigmas);
-
 struct FitOptions {
   std::optional<double> radius_m;  ///< known: held
   double radius_min_m = 0.001;
   double radius_max_m = 1.0;
   int gauss_newton_steps = 2;
+  bool want_covariance = true;
   double suppleness = 1.0;  ///< how far the line may bend: 1 any tube; small values hold a short seed straight
 };
 
@@ -71,6 +48,7 @@ std::optional<FitQuality> fit_tube(TubeModel& model, const std::vector<Observati
 /// Residual of one observation (metres along its direction: measured − predicted) and its derivatives.
 struct ResidualTerm {
   double residual_m = 0.0;
+  double t = 0.0;  ///< place on the centreline, in spans
   SplineBasis basis;
   Eigen::Vector3d by_point = Eigen::Vector3d::Zero();  ///< by the centreline's point; × basis.value for a control point
   double by_radius = 0.0;

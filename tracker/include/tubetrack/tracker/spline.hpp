@@ -22,6 +22,13 @@ struct SplineBasis {
 
 /// t is clamped to [0, spans()].
 SplineBasis basis_at(const Spline& spline, double t);
+/// Everything at one place of the curve.
+struct CurvePoint {
+  SplineBasis basis;
+  Eigen::Vector3d position_m = Eigen::Vector3d::Zero();
+  Eigen::Vector3d derivative_m = Eigen::Vector3d::Zero();  ///< by t
+};
+CurvePoint curve_at(const Spline& spline, double t);
 Eigen::Vector3d point_at(const Spline& spline, double t);
 Eigen::Vector3d derivative_at(const Spline& spline, double t);
 

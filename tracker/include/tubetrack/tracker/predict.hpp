@@ -1,0 +1,30 @@
+#pragma once
+
+#include <vector>
+
+#include "tubetrack/heightmap/height_map.hpp"
+#include "tubetrack/tracker/fit.hpp"
+
+namespace tubetrack {
+
+/// Where one pixel's ray meets the model.
+struct PredictedPixel {
+  std::uint32_t cell = 0;
+  float depth_m = 0.0F;        ///< z of the nearest intersection
+  float t = 0.0F;              ///< place on the centreline
+  float cos_incidence = 0.0F;  ///< between ray and surface normal, > 0
+  float lateral = 0.0F;        ///< −1 … 1: sideways from the axis as seen from the camera, in radii
+  float axis_depth_m = 0.0F;   ///< z at which the ray is nearest to the axis
+  float across = 0.0F;         ///< metres across the axis for one metre of z along the ray
+  float sigma_m = 0.0F;        ///< of a reading there, along z (DESIGN §2: axial noise, and lateral jitter on a slope)
+};
+
+/// Every pixel whose ray meets the tube, once each, in cell order. Includes pixels without a return.
+std::vector<PredictedPixel> predict_pixels(const HeightMap& map, const NoiseModel& noise, const TubeModel& model);
+
+/// The pixels to fit: predicted incidence below 75° (never chosen by residual beyond the gate that keeps other surfaces
+/// out), reading within gate_m + gate_sigmas·σ of the prediction.
+std::vector<Observation> select_observations(const HeightMap& map, const std::vector<PredictedPixel>& predicted,
+                                             double gate_m, double gate_sigmas);
+
+}  // namespace tubetrack

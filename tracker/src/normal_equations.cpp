@@ -1,0 +1,141 @@
+#include "normal_equations.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <vector>
+
+namespace tubetrack {
+
+namespace {
+
+double inverse_square(double sigma) {
+  return 1.0 / (sigma * sigma);
+}
+
+double mean_spacing_m(const Spline& spline) {
+  const auto& q = spline.control_m;
+  double sum = 0.0;
+  for (std::size_t k = 0; k + 1 < q.size(); ++k) sum += (q[k + 1] - q[k]).norm();
+  return sum / static_cast<double>(q.size() - 1);
+}
+
+/// What the observations of one short stretch say of the centreline's point there and the radius. Within a stretch all
+/// share the spline's weights at its middle: that changes which mean of them is taken, not what it is a mean of.
+struct Stretch {
+  Eigen::Matrix3d point_point = Eigen::Matrix3d::Zero();
+  Eigen::Vector3d point_radius = Eigen::Vector3d::Zero();
+  Eigen::Vector3d point_residual = Eigen::Vector3d::Zero();
+  double radius_radius = 0.0;
+  double radius_residual = 0.0;
+  int used = 0;
+};
+
+constexpr int kStretchesPerSpan = 8;
+
+std::vector<Stretch> sum_stretches(const TubeModel& model, std::span<const Observation> observations, double& chi2) {
+  const double spans = model.spline.spans();
+  const int count = static_cast<int>(std::lround(spans)) * kStretchesPerSpan;
+  std::vector<Stretch> stretches(static_cast<std::size_t>(count));
+  for (const Observation& observation : observations) {
+    const ResidualTerm term = residual_of(model, observation);
+    if (!term.valid) continue;
+    Stretch& s = stretches[static_cast<std::size_t>(
+        std::clamp(static_cast<int>(term.t * kStretchesPerSpan), 0, count - 1))];
+    const double weight = inverse_square(observation.sigma_m);
+    const Eigen::Vector3d weighted = weight * term.by_point;
+    s.point_point += weighted * term.by_point.transpose();
+    s.point_radius += term.by_radius * weighted;
+    s.point_residual += term.residual_m * weighted;
+    s.radius_radius += weight * term.by_radius * term.by_radius;
+    s.radius_residual += weight * term.by_radius * term.residual_m;
+    chi2 += weight * term.residual_m * term.residual_m;
+    ++s.used;
+  }
+  return stretches;
+}
+
+void add_observations(const TubeModel& model, std::span<const Observation> observations, bool free_radius,
+                      NormalEquations& eq) {
+  const Eigen::Index radius_at = eq.matrix.rows() - 1;
+  const std::vector<Stretch> stretches = sum_stretches(model, observations, eq.chi2);
+  for (std::size_t k = 0; k < stretches.size(); ++k) {
+    const Stretch& s = stretches[k];
+    if (s.used == 0) continue;
+    eq.used += s.used;
+    const SplineBasis basis = basis_at(model.spline, (static_cast<double>(k) + 0.5) / kStretchesPerSpan);
+    for (std::size_t i = 0; i < 4; ++i) {
+      const auto row = static_cast<Eigen::Index>(3 * (basis.first + i));
+      for (std::size_t j = 0; j < 4; ++j) {
+        const auto col = static_cast<Eigen::Index>(3 * (basis.first + j));
+        eq.matrix.block<3, 3>(row, col) += basis.value[i] * basis.value[j] * s.point_point;
+      }
+      eq.right.segment<3>(row) += basis.value[i] * s.point_residual;
+      if (free_radius) eq.matrix.block<3, 1>(row, radius_at) += basis.value[i] * s.point_radius;
+    }
+    if (!free_radius) continue;
+    eq.matrix(radius_at, radius_at) += s.radius_radius;
+    eq.right[radius_at] += s.radius_residual;
+  }
+}
+
+/// Adds the prior that a combination of neighbouring control points, `first` on, is zero: `weight` is the inverse of
+/// its covariance.
+template <std::size_t N>
+void add_prior(const std::vector<Eigen::Vector3d>& control_m, std::size_t first, const std::array<double, N>& factors,
+               const Eigen::Matrix3d& weight, NormalEquations& eq) {
+  Eigen::Vector3d value = Eigen::Vector3d::Zero();
+  for (std::size_t i = 0; i < N; ++i) value += factors[i] * control_m[first + i];
+  for (std::size_t i = 0; i < N; ++i) {
+    const auto row = static_cast<Eigen::Index>(3 * (first + i));
+    for (std::size_t j = 0; j < N; ++j) {
+      eq.matrix.block<3, 3>(row, static_cast<Eigen::Index>(3 * (first + j))) += factors[i] * factors[j] * weight;
+    }
+    eq.right.segment<3>(row) -= factors[i] * weight * value;
+  }
+}
+
+/// The third difference is zero on straights and arcs alike, so this smooths without pulling bends inward; moving
+/// points along the tube changes nothing that is seen, so that is held, and their spacing kept even.
+void add_priors(const TubeModel& model, double suppleness, NormalEquations& eq) {
+  const auto& q = model.spline.control_m;
+  const double spacing = mean_spacing_m(model.spline);
+  // Where a straight meets the tightest usual bend (radius 5 R), the third difference is spacing² / 5 R.
+  const double third_weight = inverse_square(0.3 * suppleness * spacing * spacing / (5.0 * model.radius_m));
+  for (std::size_t k = 0; k + 3 < q.size(); ++k) {
+    add_prior<4>(q, k, {-1.0, 3.0, -3.0, 1.0}, third_weight * Eigen::Matrix3d::Identity(), eq);
+  }
+  // A bend of radius 3 R is one σ: too weak to matter where the surface is seen, enough to hold what is not.
+  const double second_weight = inverse_square(suppleness * spacing * spacing / (3.0 * model.radius_m));
+  const double even_weight = inverse_square(0.02 * spacing);
+  for (std::size_t k = 0; k + 2 < q.size(); ++k) {
+    const Eigen::Vector3d along = (q[k + 2] - q[k]).normalized();
+    const Eigen::Matrix3d weight =
+        second_weight * Eigen::Matrix3d::Identity() + even_weight * along * along.transpose();
+    add_prior<3>(q, k, {1.0, -2.0, 1.0}, weight, eq);
+  }
+  for (std::size_t k = 0; k < q.size(); ++k) {
+    const Eigen::Vector3d along = (q[std::min(k + 1, q.size() - 1)] - q[k > 0 ? k - 1 : 0]).normalized();
+    const auto at = static_cast<Eigen::Index>(3 * k);
+    eq.matrix.block<3, 3>(at, at) += inverse_square(0.03 * spacing) * along * along.transpose();
+    // A faint hold on everything keeps ends that nothing observes from running away.
+    eq.matrix.block<3, 3>(at, at).diagonal().array() += 1e-3 * inverse_square(model.radius_m);
+  }
+}
+
+}  // namespace
+
+NormalEquations normal_equations(const TubeModel& model, std::span<const Observation> observations,
+                                 const FitOptions& options) {
+  const bool free_radius = !options.radius_m;
+  const auto size = static_cast<Eigen::Index>(3 * model.spline.control_m.size() + 1);
+  NormalEquations eq{Eigen::MatrixXd::Zero(size, size), Eigen::VectorXd::Zero(size)};
+  add_observations(model, observations, free_radius, eq);
+  add_priors(model, options.suppleness, eq);
+  // A radius that the view hardly determines stays near where it was.
+  eq.matrix(size - 1, size - 1) += free_radius ? inverse_square(0.5 * model.radius_m) : 1.0;
+  eq.matrix.row(size - 1).head(size - 1) = eq.matrix.col(size - 1).head(size - 1).transpose();
+  return eq;
+}
+
+}  // namespace tubetrack

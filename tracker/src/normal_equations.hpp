@@ -1,0 +1,22 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <span>
+
+#include "tubetrack/tracker/fit.hpp"
+
+namespace tubetrack {
+
+/// One Gauss-Newton step: matrix · change = right. Control points first (x, y, z each), the radius last.
+struct NormalEquations {
+  Eigen::MatrixXd matrix;
+  Eigen::VectorXd right;
+  double chi2 = 0.0;
+  int used = 0;  ///< observations whose ray meets the tube well
+};
+
+/// Observations and the priors on the centreline's shape. With the radius held its row is the identity's.
+NormalEquations normal_equations(const TubeModel& model, std::span<const Observation> observations,
+                                 const FitOptions& options);
+
+}  // namespace tubetrack
