@@ -1,63 +1,159 @@
 #include "tubetrack/tracker/associate.hpp"
 
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <tuple>
+#include <optional>
+
+#include "tubetrack/tracker/join.hpp"
 
 namespace tubetrack {
 
 namespace {
 
-constexpr int kMaxFramesAway = 30;
+constexpr double kForgetLost_s = 1.0;
+constexpr double kForgetHidden_s = 3.0;
+constexpr double kFastest_m_s = 0.75;
 
-double distance_to_polyline_m(const Eigen::Vector3d& point, const std::vector<Eigen::Vector3d>& line) {
-  double best = std::numeric_limits<double>::infinity();
-  for (std::size_t i = 0; i + 1 < line.size(); ++i) {
-    const Eigen::Vector3d along = line[i + 1] - line[i];
-    const double s = std::clamp((point - line[i]).dot(along) / std::max(along.squaredNorm(), 1e-18), 0.0, 1.0);
-    best = std::min(best, (point - line[i] - s * along).norm());
+std::vector<Eigen::Vector3d> samples_of(const TubeModel& model, const Extent& extent) {
+  constexpr int kSamples = 20;
+  std::vector<Eigen::Vector3d> points;
+  for (int i = 0; i <= kSamples; ++i) {
+    points.push_back(point_at(model.spline, extent.t_begin + (extent.t_end - extent.t_begin) * i / kSamples));
+  }
+  return points;
+}
+
+/// Mean distance from one line's samples to the other's nearest.
+double distance_m(const std::vector<Eigen::Vector3d>& from, const std::vector<Eigen::Vector3d>& to) {
+  double sum = 0.0;
+  for (const Eigen::Vector3d& point : from) {
+    double nearest = std::numeric_limits<double>::infinity();
+    for (const Eigen::Vector3d& other : to) nearest = std::min(nearest, (point - other).squaredNorm());
+    sum += std::sqrt(nearest);
+  }
+  return sum / static_cast<double>(from.size());
+}
+
+/// Can the found tube be the one that went out of sight? How far it would have come, or nothing.
+std::optional<double> way_back_m(const FollowedTube& missing, const FoundTube& found, double timestamp_s) {
+  const double sigma = std::hypot(missing.quality.radius_sigma_m, found.quality.radius_sigma_m);
+  const double off = std::abs(missing.model.radius_m - found.model.radius_m);
+  if (off > 4.0 * sigma + 0.05 * missing.model.radius_m) return std::nullopt;
+  const auto old_line = samples_of(missing.model, missing.extent);
+  const auto new_line = samples_of(found.model, found.extent);
+  // A part of a tube is that tube: the shorter line decides.
+  const double way = std::min(distance_m(old_line, new_line), distance_m(new_line, old_line));
+  const double away_s = std::max(0.0, timestamp_s - missing.last_seen_s);
+  if (way > 2.0 * missing.model.radius_m + kFastest_m_s * away_s) return std::nullopt;
+  return way;
+}
+
+/// Which of the tubes out of sight is back; the nearest.
+std::optional<std::size_t> recognise(const KnownTubes& known, const FoundTube& found, double timestamp_s) {
+  std::optional<std::size_t> best;
+  double best_way = std::numeric_limits<double>::infinity();
+  for (std::size_t i = 0; i < known.tubes.size(); ++i) {
+    if (known.tubes[i].state == TubeState::tracked) continue;
+    const auto way = way_back_m(known.tubes[i], found, timestamp_s);
+    if (!way || *way >= best_way) continue;
+    best_way = *way;
+    best = i;
   }
   return best;
 }
 
-}  // namespace
-
-double centerline_distance_m(const Tube& a, const Tube& b) {
-  if (a.centerline_m.empty() || b.centerline_m.size() < 2) return std::numeric_limits<double>::infinity();
-  double sum = 0.0;
-  for (const Eigen::Vector3d& point : a.centerline_m) sum += distance_to_polyline_m(point, b.centerline_m);
-  return sum / static_cast<double>(a.centerline_m.size());
+FoundTube as_found(const FollowedTube& tube, const HeightMap& map, const TrackerConfig& config) {
+  FoundTube found{tube.model, tube.extent, tube.quality, {}, tube.pixels};
+  found.evidence = gather_evidence(map, config.noise, tube.model, tube.pixels, tube.extent);
+  return found;
 }
 
-void associate(Identities& identities, std::vector<Tube>& tubes) {
-  std::vector<std::tuple<double, std::size_t, std::size_t>> pairs;  // distance, known, new
-  for (std::size_t k = 0; k < identities.known.size(); ++k) {
-    const Tube& known = identities.known[k].tube;
-    for (std::size_t i = 0; i < tubes.size(); ++i) {
-      // The shorter line decides: a tube half hidden is still the same tube.
-      const double distance = std::min(centerline_distance_m(known, tubes[i]), centerline_distance_m(tubes[i], known));
-      const bool alike =
-          std::abs(known.radius_m - tubes[i].radius_m) < 0.25 * std::max(known.radius_m, tubes[i].radius_m);
-      if (alike && distance < 2.0 * known.radius_m) pairs.emplace_back(distance, k, i);
+/// Joins pieces among themselves until no two belong together.
+void join_all(std::vector<FoundTube>& found, const HeightMap& map, const TrackerConfig& config) {
+  for (std::size_t i = 0; i < found.size(); ++i) {
+    for (std::size_t j = i + 1; j < found.size(); ++j) {
+      auto joined = join_pieces(map, config, found[i], found[j]);
+      if (!joined) continue;
+      found[i] = std::move(*joined);
+      found.erase(found.begin() + static_cast<std::ptrdiff_t>(j));
+      j = i;
     }
   }
-  std::sort(pairs.begin(), pairs.end());
-  std::vector<bool> known_taken(identities.known.size(), false);
-  std::vector<bool> tube_taken(tubes.size(), false);
-  for (const auto& [distance, k, i] : pairs) {
-    if (known_taken[k] || tube_taken[i]) continue;
-    known_taken[k] = tube_taken[i] = true;
-    tubes[i].id = identities.known[k].tube.id;
-    identities.known[k] = {tubes[i], 0};
+}
+
+/// Joins a piece to a known tube in sight.
+bool join_to_known(KnownTubes& known, const FoundTube& piece, const HeightMap& map, const TrackerConfig& config,
+                   double timestamp_s) {
+  for (FollowedTube& tube : known.tubes) {
+    if (tube.state != TubeState::tracked) continue;
+    auto joined = join_pieces(map, config, as_found(tube, map, config), piece);
+    if (!joined) continue;
+    const int frames_seen = tube.frames_seen;
+    tube = start_following(std::move(*joined), map, timestamp_s, tube.id);
+    tube.frames_seen = frames_seen;
+    return true;
   }
-  for (std::size_t k = 0; k < known_taken.size(); ++k) identities.known[k].frames_away += known_taken[k] ? 0 : 1;
-  std::erase_if(identities.known, [](const Identities::Known& known) { return known.frames_away > kMaxFramesAway; });
-  for (std::size_t i = 0; i < tubes.size(); ++i) {
-    if (tube_taken[i]) continue;
-    tubes[i].id = identities.next_id++;
-    identities.known.push_back({tubes[i], 0});
+  return false;
+}
+
+/// The tube that was out of sight goes on where it was found, at the speed that took it there.
+void come_back(FollowedTube& tube, FoundTube found, const HeightMap& map, double timestamp_s) {
+  const auto middle = [](const TubeModel& model, const Extent& extent) {
+    return point_at(model.spline, 0.5 * (extent.t_begin + extent.t_end));
+  };
+  const double away_s = timestamp_s - tube.last_seen_s;
+  // Along the tube the two extents may differ: only what is across it is motion.
+  const Eigen::Vector3d along = derivative_at(found.model.spline, 0.5 * found.model.spline.spans()).normalized();
+  const Eigen::Vector3d way = middle(found.model, found.extent) - middle(tube.model, tube.extent);
+  const Eigen::Vector3d across = way - way.dot(along) * along;
+  const bool brief = away_s > 0.0 && away_s < 0.15;
+  const int frames_seen = tube.frames_seen;
+  const double radius_information = tube.radius_information;
+  const double radius_m = tube.model.radius_m;
+  tube = start_following(std::move(found), map, timestamp_s, tube.id);
+  tube.frames_seen = frames_seen + 1;
+  // The radius known from before counts on.
+  const double sum = tube.radius_information + radius_information;
+  if (radius_information > 0.0 && tube.radius_information > 0.0) {
+    tube.model.radius_m =
+        (tube.radius_information * tube.model.radius_m + radius_information * radius_m) / sum;
+    tube.radius_information = sum;
   }
+  if (brief && across.norm() > 0.5 * tube.model.radius_m) {
+    tube.at_rest = false;
+    tube.frames_pooled = 0;
+    tube.anchor = tube.model;
+    tube.velocity.shift_m_s = across / away_s;
+  }
+}
+
+}  // namespace
+
+void take_in(KnownTubes& known, std::vector<FoundTube> found, const HeightMap& map, const TrackerConfig& config,
+             double timestamp_s) {
+  std::erase_if(found, [&](const FoundTube& tube) {
+    return std::any_of(known.tubes.begin(), known.tubes.end(), [&](const FollowedTube& other) {
+      return other.state == TubeState::tracked && same_tube(tube.model, tube.extent, other.model, other.extent);
+    });
+  });
+  join_all(found, map, config);
+  for (FoundTube& tube : found) {
+    if (const auto back = recognise(known, tube, timestamp_s)) {
+      come_back(known.tubes[*back], std::move(tube), map, timestamp_s);
+    } else if (!join_to_known(known, tube, map, config, timestamp_s)) {
+      known.tubes.push_back(start_following(std::move(tube), map, timestamp_s, known.next_id++));
+    }
+  }
+}
+
+void forget_old(KnownTubes& known, double timestamp_s) {
+  std::erase_if(known.tubes, [&](const FollowedTube& tube) {
+    const double away_s = timestamp_s - tube.last_seen_s;
+    return tube.state != TubeState::tracked &&
+           away_s > (tube.state == TubeState::occluded ? kForgetHidden_s : kForgetLost_s);
+  });
 }
 
 }  // namespace tubetrack

@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "stopwatch.hpp"
+#include "tubetrack/tracker/join.hpp"
 #include "tubetrack/tracker/trace.hpp"
 
 namespace tubetrack {
@@ -57,23 +58,6 @@ void withdraw_explained(AccumulationMap& votes, std::span<const Surfel> surfels,
   }
 }
 
-/// Two fits of one tube: the centreline of one runs inside the other for the most part.
-bool same_tube(const FoundTube& a, const FoundTube& b) {
-  constexpr int kSamples = 20;
-  int inside = 0;
-  for (int i = 0; i < kSamples; ++i) {
-    const double t = a.extent.t_begin + (a.extent.t_end - a.extent.t_begin) * (i + 0.5) / kSamples;
-    const Eigen::Vector3d point = point_at(a.model.spline, t);
-    for (double s = b.extent.t_begin; s <= b.extent.t_end; s += 0.25) {
-      if ((point - point_at(b.model.spline, s)).norm() < 0.7 * b.model.radius_m) {
-        ++inside;
-        break;
-      }
-    }
-  }
-  return 2 * inside > kSamples;
-}
-
 }  // namespace
 
 double matching_cell_m(std::span<const Surfel> surfels, double focal_px) {
@@ -114,7 +98,7 @@ std::vector<FoundTube> find_tubes(AccumulationMap& votes, std::span<const Surfel
     watch.lap(times.trace_ms);
     auto found = grow_tube(map, config, seed);
     const bool known = found && std::any_of(tubes.begin(), tubes.end(),
-                                            [&](const FoundTube& tube) { return same_tube(*found, tube); });
+                                            [&](const FoundTube& tube) { return same_tube(found->model, found->extent, tube.model, tube.extent); });
     if (!found || known || why_no_tube(*found, config)) {
       ++failures;
       failed.insert(failed.end(), trace.begin(), trace.end());

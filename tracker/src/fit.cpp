@@ -46,6 +46,14 @@ ResidualTerm residual_of(const TubeModel& model, const Observation& observation)
   return term;
 }
 
+Eigen::VectorXd parameters_of(const TubeModel& model) {
+  const std::size_t count = model.spline.control_m.size();
+  Eigen::VectorXd all(static_cast<Eigen::Index>(3 * count + 1));
+  for (std::size_t k = 0; k < count; ++k) all.segment<3>(static_cast<Eigen::Index>(3 * k)) = model.spline.control_m[k];
+  all[all.size() - 1] = model.radius_m;
+  return all;
+}
+
 std::optional<FitQuality> fit_tube(TubeModel& model, const std::vector<Observation>& observations,
                                    const FitOptions& options) {
   const bool free_radius = !options.radius_m;
@@ -53,7 +61,7 @@ std::optional<FitQuality> fit_tube(TubeModel& model, const std::vector<Observati
   if (observations.size() < 20) return std::nullopt;
   FitQuality quality;
   for (int step = 0; step < options.gauss_newton_steps; ++step) {
-    const NormalEquations eq = normal_equations(model, observations, options);
+    NormalEquations eq = normal_equations(model, observations, options);
     if (eq.used < 20) return std::nullopt;
     const Eigen::LDLT<Eigen::MatrixXd> solver(eq.matrix);
     const Eigen::VectorXd change = solver.solve(eq.right);
@@ -68,8 +76,9 @@ std::optional<FitQuality> fit_tube(TubeModel& model, const std::vector<Observati
       if (model.radius_m < options.radius_min_m || model.radius_m > options.radius_max_m) return std::nullopt;
     }
     quality.chi2_per_observation = eq.chi2 / eq.used;
+    if (step + 1 == options.gauss_newton_steps) quality.observed = std::move(eq.observed);
     if (step + 1 == options.gauss_newton_steps && options.want_covariance) {
-      quality.covariance = solver.solve(Eigen::MatrixXd::Identity(eq.matrix.rows(), eq.matrix.cols()));
+      quality.covariance = solver.solve(Eigen::MatrixXd::Identity(change.size(), change.size()));
       quality.covariance *= std::max(1.0, quality.chi2_per_observation);
     }
   }

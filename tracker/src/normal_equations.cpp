@@ -129,12 +129,23 @@ NormalEquations normal_equations(const TubeModel& model, std::span<const Observa
                                  const FitOptions& options) {
   const bool free_radius = !options.radius_m;
   const auto size = static_cast<Eigen::Index>(3 * model.spline.control_m.size() + 1);
-  NormalEquations eq{Eigen::MatrixXd::Zero(size, size), Eigen::VectorXd::Zero(size)};
+  NormalEquations eq{Eigen::MatrixXd::Zero(size, size), Eigen::VectorXd::Zero(size), {}, {}};
   add_observations(model, observations, free_radius, eq);
+  eq.matrix.row(size - 1).head(size - 1) = eq.matrix.col(size - 1).head(size - 1).transpose();
+  eq.observed = eq.matrix;
+  eq.observed_right = eq.right;
+  if (options.prior) {
+    eq.matrix += options.prior->matrix;
+    eq.right += options.prior->matrix * (options.prior->mean - parameters_of(model));
+  }
   add_priors(model, options.suppleness, eq);
   // A radius that the view hardly determines stays near where it was.
   eq.matrix(size - 1, size - 1) += free_radius ? inverse_square(0.5 * model.radius_m) : 1.0;
-  eq.matrix.row(size - 1).head(size - 1) = eq.matrix.col(size - 1).head(size - 1).transpose();
+  if (!free_radius) {
+    eq.matrix.row(size - 1).head(size - 1).setZero();
+    eq.matrix.col(size - 1).head(size - 1).setZero();
+    eq.right[size - 1] = 0.0;
+  }
   return eq;
 }
 

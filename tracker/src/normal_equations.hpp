@@ -11,11 +11,13 @@ namespace tubetrack {
 struct NormalEquations {
   Eigen::MatrixXd matrix;
   Eigen::VectorXd right;
+  Eigen::MatrixXd observed;        ///< the observations' part of the matrix …
+  Eigen::VectorXd observed_right;  ///< … and of the right side
   double chi2 = 0.0;
   int used = 0;  ///< observations whose ray meets the tube well
 };
 
-/// Observations and the priors on the centreline's shape. With the radius held its row is the identity's.
+/// Observations, the priors on the centreline's shape and what earlier frames say. With the radius held its row is the identity's.
 NormalEquations normal_equations(const TubeModel& model, std::span<const Observation> observations,
                                  const FitOptions& options);
 

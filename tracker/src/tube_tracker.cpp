@@ -2,21 +2,25 @@
 
 #include <fmt/format.h>
 
-#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
 
 #include "stopwatch.hpp"
+#include "tube_result.hpp"
 #include "tubetrack/heightmap/normals.hpp"
 #include "tubetrack/tracker/associate.hpp"
 #include "tubetrack/tracker/find_tubes.hpp"
+#include "tubetrack/tracker/join.hpp"
 
 namespace tubetrack {
 
 struct TubeTracker::State {
   TrackerConfig config;
   HeightMap map;
-  Identities identities;
+  KnownTubes known;
+  std::optional<Eigen::Isometry3d> world_from_camera;  // of the last frame
+  std::optional<double> timestamp_s;                   // of the last frame
+  std::vector<std::uint8_t> explained;                 // a cell each: 1 where a known tube is seen
   TubeFrame result;
 };
 
@@ -32,54 +36,25 @@ SurfelOptions surfel_options(const TrackerConfig& config) {
   return {config.radius_min_m, config.radius_max_m};
 }
 
-/// Covariance of a centreline point from that of the control points, and the larger σ across the tube.
-void add_uncertainty(const FoundTube& found, double t, Tube& tube) {
-  const SplineBasis basis = basis_at(found.model.spline, t);
-  Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();
-  for (std::size_t i = 0; i < 4; ++i) {
-    for (std::size_t j = 0; j < 4; ++j) {
-      const auto row = static_cast<Eigen::Index>(3 * (basis.first + i));
-      const auto col = static_cast<Eigen::Index>(3 * (basis.first + j));
-      covariance += basis.value[i] * basis.value[j] * found.quality.covariance.block<3, 3>(row, col);
+/// Marks the cells in which a tube is seen.
+void explain(const HeightMap& map, const FollowedTube& tube, std::vector<std::uint8_t>& explained) {
+  if (tube.state != TubeState::tracked) return;
+  for (const PredictedPixel& pixel : tube.pixels) {
+    const float off = std::abs(map.depth_m[pixel.cell] - pixel.depth_m);
+    const bool in_extent = pixel.t >= tube.extent.t_begin && pixel.t <= tube.extent.t_end;
+    if (in_extent && off < 0.5 * tube.model.radius_m + 4.0F * pixel.sigma_m) explained[pixel.cell] = 1;
+  }
+}
+
+/// Where one fits, the other does not count: of two tubes in one place the one known longer stays.
+void drop_doubles(KnownTubes& known) {
+  auto& tubes = known.tubes;
+  for (std::size_t i = 0; i < tubes.size(); ++i) {
+    for (std::size_t j = tubes.size(); j-- > i + 1;) {
+      if (tubes[i].state != TubeState::tracked || tubes[j].state != TubeState::tracked) continue;
+      if (!same_tube(tubes[j].model, tubes[j].extent, tubes[i].model, tubes[i].extent)) continue;
+      tubes.erase(tubes.begin() + static_cast<std::ptrdiff_t>(j));
     }
-  }
-  const Eigen::Vector3d along = derivative_at(found.model.spline, t).normalized();
-  Eigen::Matrix<double, 3, 2> across;
-  across.col(0) = along.unitOrthogonal();
-  across.col(1) = along.cross(across.col(0));
-  const Eigen::Matrix2d section = across.transpose() * covariance * across;
-  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> solver(section);
-  tube.sigma_m.push_back(std::sqrt(std::max(0.0, solver.eigenvalues()[1])));
-  tube.node_covariance_m2.push_back(covariance);
-}
-
-/// A found tube as a result: nodes about half a radius apart along what is seen.
-Tube result_of(const FoundTube& found, const HeightMap& map) {
-  const double station_m = station_length_m(map, found.model);
-  const auto stations = stations_of(map, found.model, found.pixels, station_m);
-  Tube tube;
-  tube.radius_m = found.model.radius_m;
-  tube.radius_sigma_m = found.quality.radius_sigma_m;
-  tube.length_m = found.evidence.length_m;
-  tube.confidence = std::min(1.0, found.evidence.support);
-  const double spacing_m = std::clamp(0.5 * tube.radius_m, 0.002, 0.02);
-  const int spans = std::max(2, static_cast<int>(std::ceil(tube.length_m / std::max(spacing_m, station_m))));
-  for (int i = 0; i <= spans; ++i) {
-    const double t = found.extent.t_begin + (found.extent.t_end - found.extent.t_begin) * i / spans;
-    tube.centerline_m.push_back(point_at(found.model.spline, t));
-    const auto nearest = std::min_element(stations.begin(), stations.end(), [&](const Station& a, const Station& b) {
-      return std::abs(a.t - t) < std::abs(b.t - t);
-    });
-    tube.node_visible.push_back(nearest != stations.end() && nearest->seen());
-    add_uncertainty(found, t, tube);
-  }
-  return tube;
-}
-
-void move_to_world(Tube& tube, const Eigen::Isometry3d& world_from_camera) {
-  for (Eigen::Vector3d& point : tube.centerline_m) point = world_from_camera * point;
-  for (Eigen::Matrix3d& covariance : tube.node_covariance_m2) {
-    covariance = world_from_camera.linear() * covariance * world_from_camera.linear().transpose();
   }
 }
 
@@ -96,32 +71,74 @@ Expected<TubeTracker> TubeTracker::create(const TrackerConfig& config, const Int
   auto state = std::make_unique<State>();
   state->config = config;
   state->map = make_height_map(intrinsics);
+  state->explained.resize(state->map.rays.size());
   return TubeTracker(std::move(state));
 }
 
-const TubeFrame& TubeTracker::track(const DepthFrame& frame) {
+bool TubeTracker::begin(const DepthFrame& frame) {
   State& s = *state_;
   s.result = {};
   s.result.frame = frame.index;
   s.result.timestamp_s = frame.timestamp_s;
   s.result.frame_id = frame.world_from_camera ? "world" : "camera";
   const Intrinsics& in = s.map.intrinsics;
-  if (frame.pose_missing || !frame.pixels || frame.width != in.width || frame.height != in.height) {
-    s.result.status = frame.pose_missing ? TrackStatus::no_pose : TrackStatus::corrupt;
-    s.result.problem = frame.pose_missing
-                           ? "no pose within 20 ms"
-                           : fmt::format("image is {}×{}, takes {}×{}", frame.width, frame.height, in.width, in.height);
-    return s.result;
+  if (frame.pose_missing) {
+    s.result.status = TrackStatus::no_pose;
+    s.result.problem = "no pose within 20 ms";
+    return false;
   }
+  if (!frame.pixels || frame.width != in.width || frame.height != in.height) {
+    s.result.status = TrackStatus::corrupt;
+    s.result.problem = fmt::format("image is {}×{}, takes {}×{}", frame.width, frame.height, in.width, in.height);
+    return false;
+  }
+  return true;
+}
+
+void TubeTracker::follow_known(const DepthFrame& frame) {
+  State& s = *state_;
+  // A gap in time says nothing of how far a tube may have gone on at its last speed.
+  const double elapsed_s = std::clamp(frame.timestamp_s - s.timestamp_s.value_or(frame.timestamp_s), 0.0, 0.2);
+  s.timestamp_s = frame.timestamp_s;
+  if (frame.world_from_camera && s.world_from_camera) {
+    const Eigen::Isometry3d new_from_old = frame.world_from_camera->inverse() * *s.world_from_camera;
+    for (FollowedTube& tube : s.known.tubes) transform(tube, new_from_old);
+  }
+  s.world_from_camera = frame.world_from_camera;
+  for (FollowedTube& tube : s.known.tubes) follow_tube(tube, s.map, s.config, frame.timestamp_s, elapsed_s);
+  drop_doubles(s.known);
+  forget_old(s.known, frame.timestamp_s);
+  std::fill(s.explained.begin(), s.explained.end(), std::uint8_t{0});
+  for (const FollowedTube& tube : s.known.tubes) explain(s.map, tube, s.explained);
+}
+
+void TubeTracker::report_known() {
+  State& s = *state_;
+  for (const FollowedTube& tube : s.known.tubes) {
+    s.result.tubes.push_back(result_of(tube, s.map));
+    if (s.world_from_camera) move_to_world(s.result.tubes.back(), *s.world_from_camera);
+  }
+  std::sort(s.result.tubes.begin(), s.result.tubes.end(), [](const Tube& a, const Tube& b) { return a.id < b.id; });
+  s.result.status = s.result.tubes.empty() ? TrackStatus::empty : TrackStatus::ok;
+}
+
+const TubeFrame& TubeTracker::track(const DepthFrame& frame) {
+  State& s = *state_;
+  if (!begin(frame)) return s.result;
+  StageTimes& stages = s.result.stages;
   Stopwatch whole;
   Stopwatch stage;
   update(s.map, frame, s.config.noise, limits_of(s.config), !frame.world_from_camera);
-  stage.lap(s.result.stages.update_ms);
+  stage.lap(stages.update_ms);
 
-  const std::vector<Surfel> surfels = tube_surfels(s.map, s.config.noise, surfel_options(s.config));
-  stage.lap(s.result.stages.normals_ms);
+  follow_known(frame);  // section 2.3, from where the last frame left each tube
+  stage.lap(stages.fit_ms);
 
-  const double cell_m = s.config.cell_m.value_or(matching_cell_m(surfels, in.fx_px));
+  std::vector<Surfel> surfels = tube_surfels(s.map, s.config.noise, surfel_options(s.config));
+  std::erase_if(surfels, [&](const Surfel& surfel) { return s.explained[surfel.cell] != 0; });
+  stage.lap(stages.normals_ms);
+
+  const double cell_m = s.config.cell_m.value_or(matching_cell_m(surfels, s.map.intrinsics.fx_px));
   AccumulationMap votes(cell_m);  // algorithm 1
   std::vector<VoteRecord> records;
   records.reserve(surfels.size());
@@ -129,16 +146,13 @@ const TubeFrame& TubeTracker::track(const DepthFrame& frame) {
     records.push_back(vote_record(surfel, cell_m));
     votes.add(records.back());
   }
-  stage.lap(s.result.stages.accumulate_ms);
+  stage.lap(stages.accumulate_ms);
 
-  const auto found = find_tubes(votes, surfels, records, s.map, s.config, s.result.stages);  // algorithm 2, section 2.3
-  for (const FoundTube& tube : found) s.result.tubes.push_back(result_of(tube, s.map));
-  if (frame.world_from_camera) {
-    for (Tube& tube : s.result.tubes) move_to_world(tube, *frame.world_from_camera);
-  }
-  associate(s.identities, s.result.tubes);
-  std::sort(s.result.tubes.begin(), s.result.tubes.end(), [](const Tube& a, const Tube& b) { return a.id < b.id; });
-  s.result.status = s.result.tubes.empty() ? TrackStatus::empty : TrackStatus::ok;
+  auto found = find_tubes(votes, surfels, records, s.map, s.config, stages);  // algorithm 2, section 2.3
+  stage = {};
+  take_in(s.known, std::move(found), s.map, s.config, frame.timestamp_s);
+  stage.lap(stages.fit_ms);
+  report_known();
   whole.lap(s.result.latency_ms);
   return s.result;
 }

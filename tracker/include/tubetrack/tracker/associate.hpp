@@ -2,25 +2,23 @@
 
 #include <vector>
 
-#include "tubetrack/tracker/tube.hpp"
+#include "tubetrack/tracker/follow.hpp"
 
 namespace tubetrack {
 
-/// Tubes seen lately, by which new ones get their identity.
-struct Identities {
-  struct Known {
-    Tube tube;
-    int frames_away = 0;
-  };
-  std::vector<Known> known;
+/// The tubes that are followed, and the next one's id.
+struct KnownTubes {
+  std::vector<FollowedTube> tubes;
   std::int64_t next_id = 1;
 };
 
-/// Mean distance in metres from a's centreline to b's polyline; infinite where either is empty.
-double centerline_distance_m(const Tube& a, const Tube& b);
+/// Takes in what was found where no known tube explains the image: a known tube that was out of sight and is back (the
+/// same radius, nearest to where it was last seen), another piece of one that is in sight (both are joined), or a new
+/// tube. A new tube gets the next id.
+void take_in(KnownTubes& known, std::vector<FoundTube> found, const HeightMap& map, const TrackerConfig& config,
+             double timestamp_s);
 
-/// Gives every tube the id of the nearest known one (radius within a quarter, centrelines nearer than a diameter), or a
-/// new one. Known tubes are forgotten after 30 frames away.
-void associate(Identities& identities, std::vector<Tube>& tubes);
+/// Forgets what has not been seen for too long: 1 s where it should be in view, 3 s where something hides it.
+void forget_old(KnownTubes& known, double timestamp_s);
 
 }  // namespace tubetrack

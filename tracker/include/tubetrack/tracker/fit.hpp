@@ -22,11 +22,22 @@ struct Observation {
   double t = 0.0;
 };
 
+/// What earlier frames say of a model: the inverse of the covariance of all control points (x, y, z each) and, last, of
+/// the radius, around a mean in the same order.
+struct Information {
+  Eigen::MatrixXd matrix;
+  Eigen::VectorXd mean;
+};
+
+/// Control points and radius in the order of Information.
+Eigen::VectorXd parameters_of(const TubeModel& model);
+
 struct FitOptions {
   std::optional<double> radius_m;  ///< known: held
   double radius_min_m = 0.001;
   double radius_max_m = 1.0;
   int gauss_newton_steps = 2;
+  const Information* prior = nullptr;  ///< of the model's size
   bool want_covariance = true;
   double suppleness = 1.0;  ///< how far the line may bend: 1 any tube; small values hold a short seed straight
 };
@@ -35,6 +46,7 @@ struct FitOptions {
 struct FitQuality {
   double chi2_per_observation = 0.0;
   double radius_sigma_m = 0.0;
+  Eigen::MatrixXd observed;    ///< information of these observations alone, without any prior
   Eigen::MatrixXd covariance;  ///< of all control points (x, y, z each) and, last, the radius; inflated by χ² above 1
 };
 

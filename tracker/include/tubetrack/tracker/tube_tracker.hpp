@@ -28,6 +28,9 @@ class TubeTracker {
  private:
   struct State;
   explicit TubeTracker(std::unique_ptr<State> state);
+  bool begin(const DepthFrame& frame);
+  void follow_known(const DepthFrame& frame);
+  void report_known();
   std::unique_ptr<State> state_;
 };
 

@@ -1,0 +1,51 @@
+#pragma once
+
+#include <cstdint>
+
+#include "tubetrack/tracker/grow.hpp"
+#include "tubetrack/tracker/tube.hpp"
+
+namespace tubetrack {
+
+/// A shift and turn a second, of a tube as a whole.
+struct TubeVelocity {
+  Eigen::Vector3d shift_m_s = Eigen::Vector3d::Zero();
+  Eigen::Vector3d turn_rad_s = Eigen::Vector3d::Zero();
+};
+
+/// A tube that is followed from frame to frame. Everything is in the camera frame of the last frame.
+struct FollowedTube {
+  std::int64_t id = 0;
+  TubeState state = TubeState::tracked;
+  TubeModel model;
+  Extent extent;
+  FitQuality quality;
+  double support = 0.0;                ///< agreeing pixels over expected ones, where it is seen
+  std::vector<Station> stations;       ///< over the whole spline, of the last frame that was fitted
+  std::vector<PredictedPixel> pixels;  ///< the same
+  double last_seen_s = 0.0;
+  int frames_seen = 0;
+  int doubts = 0;  ///< frames running that spoke against it being a tube
+
+  // While it rests, frames are pooled; while it moves, only the radius is.
+  bool at_rest = true;
+  Information pooled;                ///< at rest: of all frames since it came to rest
+  int frames_pooled = 0;             ///< at rest: how many; moving: frames since `anchor`
+  double radius_information = 0.0;   ///< 1/m²
+  TubeModel anchor;                  ///< moving: where it was when it was last asked whether it still moves
+  TubeVelocity velocity;             ///< moving
+};
+
+/// A tube just found, as the first frame of a followed one.
+FollowedTube start_following(FoundTube found, const HeightMap& map, double timestamp_s, std::int64_t id);
+
+/// Finds a known tube in the next frame, `elapsed_s` after the last: where it should be, the motion that the frame asks
+/// for, whether it rests, a fit with what earlier frames say, and how far the image confirms it now. Sets `state`:
+/// `occluded` where something nearer hides it, `lost` where it is not there; both keep the predicted model.
+void follow_tube(FollowedTube& tube, const HeightMap& map, const TrackerConfig& config, double timestamp_s,
+                 double elapsed_s);
+
+/// Carries a tube, its information and its velocity into another camera frame.
+void transform(FollowedTube& tube, const Eigen::Isometry3d& new_from_old);
+
+}  // namespace tubetrack

@@ -1,0 +1,114 @@
+#include "tubetrack/tracker/join.hpp"
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cmath>
+
+namespace tubetrack {
+
+namespace {
+
+constexpr double kMaxGapRadii = 16.0;
+constexpr double kCos35 = 0.82;
+
+/// Points along the extent of a model, about a radius apart.
+std::vector<Eigen::Vector3d> line_of(const FoundTube& tube, bool backwards) {
+  const int pieces = std::max(3, static_cast<int>(std::ceil(tube.evidence.length_m / tube.model.radius_m)));
+  std::vector<Eigen::Vector3d> line;
+  for (int i = 0; i <= pieces; ++i) {
+    const double s = static_cast<double>(backwards ? pieces - i : i) / pieces;
+    line.push_back(
+        point_at(tube.model.spline, tube.extent.t_begin + s * (tube.extent.t_end - tube.extent.t_begin)));
+  }
+  return line;
+}
+
+/// The line of `a` followed by that of `b`, turned so that the ends nearest to each other meet; empty where they don't
+/// run on into each other.
+std::vector<Eigen::Vector3d> one_line(const FoundTube& a, const FoundTube& b) {
+  std::vector<Eigen::Vector3d> best;
+  double best_gap = kMaxGapRadii * std::min(a.model.radius_m, b.model.radius_m);
+  for (const bool a_backwards : {false, true}) {
+    for (const bool b_backwards : {false, true}) {
+      std::vector<Eigen::Vector3d> first = line_of(a, a_backwards);
+      const std::vector<Eigen::Vector3d> second = line_of(b, b_backwards);
+      const Eigen::Vector3d gap = second.front() - first.back();
+      // The last points of a piece carry the noise of its end: the direction is that of its last two radii.
+      const Eigen::Vector3d out = (first.back() - first[first.size() - 3]).normalized();
+      const Eigen::Vector3d in = (second[2] - second.front()).normalized();
+      const double length = gap.norm();
+      const bool smooth = out.dot(gap) > kCos35 * length && in.dot(gap) > kCos35 * length && out.dot(in) > kCos35 * kCos35;
+      if (!smooth || length >= best_gap) continue;
+      best_gap = length;
+      first.insert(first.end(), second.begin(), second.end());
+      best = std::move(first);
+    }
+  }
+  return best;
+}
+
+bool like_radii(const FoundTube& a, const FoundTube& b) {
+  const double sigma = std::hypot(a.quality.radius_sigma_m, b.quality.radius_sigma_m);
+  return std::abs(a.model.radius_m - b.model.radius_m) < 4.0 * sigma + 0.04 * a.model.radius_m;
+}
+
+/// Does the camera look through where the tube should be, or see something flat there?
+bool refuted(const std::vector<Station>& stations, const Extent& extent) {
+  int against = 0;
+  for (const Station& station : stations) {
+    if (station.t > extent.t_begin && station.t < extent.t_end && station.refuted()) ++against;
+  }
+  return against > 2;
+}
+
+}  // namespace
+
+std::optional<FoundTube> join_pieces(const HeightMap& map, const TrackerConfig& config, const FoundTube& a,
+                                     const FoundTube& b) {
+  if (!like_radii(a, b)) return std::nullopt;
+  const std::vector<Eigen::Vector3d> line = one_line(a, b);
+  if (line.empty()) return std::nullopt;
+  const bool a_longer = a.evidence.length_m > b.evidence.length_m;
+  FoundTube joined;
+  joined.model = {spline_along(line, 1.25 * a.model.radius_m), a_longer ? a.model.radius_m : b.model.radius_m};
+  FitOptions options;
+  options.radius_m = config.radius_m;
+  options.radius_min_m = 0.5 * config.radius_min_m;
+  options.radius_max_m = 1.5 * config.radius_max_m;
+  const Extent all{1.0 - 1e-9, joined.model.spline.spans() - 1.0 + 1e-9};
+  for (const double gate_radii : {0.3, 0.2, 0.1}) {
+    const auto pixels = predict_pixels(map, config.noise, joined.model);
+    auto observations = select_observations(map, pixels, gate_radii * joined.model.radius_m, 4.0);
+    std::erase_if(observations, [&](const Observation& o) { return o.t < all.t_begin || o.t > all.t_end; });
+    auto quality = fit_tube(joined.model, observations, options);
+    if (!quality) return std::nullopt;
+    joined.quality = std::move(*quality);
+  }
+  joined.extent = all;
+  joined.pixels = predict_pixels(map, config.noise, joined.model);
+  const auto stations = stations_of(map, joined.model, joined.pixels, station_length_m(map, joined.model));
+  if (refuted(stations, joined.extent)) return std::nullopt;
+  joined.evidence = gather_evidence(map, config.noise, joined.model, joined.pixels, joined.extent);
+  const double worst = std::max(a.evidence.noise_ratio, b.evidence.noise_ratio);
+  if (joined.evidence.noise_ratio > 1.05 * worst + 0.02) return std::nullopt;
+  if (why_no_tube(joined, config)) return std::nullopt;
+  return joined;
+}
+
+bool same_tube(const TubeModel& a, const Extent& a_extent, const TubeModel& b, const Extent& b_extent) {
+  constexpr int kSamples = 20;
+  int inside = 0;
+  for (int i = 0; i < kSamples; ++i) {
+    const double t = a_extent.t_begin + (a_extent.t_end - a_extent.t_begin) * (i + 0.5) / kSamples;
+    const Eigen::Vector3d point = point_at(a.spline, t);
+    for (double s = b_extent.t_begin; s <= b_extent.t_end; s += 0.25) {
+      if ((point - point_at(b.spline, s)).norm() < 0.7 * b.radius_m) {
+        ++inside;
+        break;
+      }
+    }
+  }
+  return 2 * inside > kSamples;
+}
+
+}  // namespace tubetrack

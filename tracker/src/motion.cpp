@@ -1,0 +1,83 @@
+#include "motion.hpp"
+
+#include <Eigen/Cholesky>
+#include <Eigen/Geometry>
+
+namespace tubetrack {
+
+namespace {
+
+using Matrix6 = Eigen::Matrix<double, 6, 6>;
+using Matrix7 = Eigen::Matrix<double, 7, 7>;
+
+Eigen::Vector3d middle_of(const TubeModel& model) {
+  Eigen::Vector3d sum = Eigen::Vector3d::Zero();
+  for (const Eigen::Vector3d& control : model.spline.control_m) sum += control;
+  return sum / static_cast<double>(model.spline.control_m.size());
+}
+
+Eigen::Matrix3d cross_matrix(const Eigen::Vector3d& v) {
+  Eigen::Matrix3d m;
+  m << 0.0, -v.z(), v.y(), v.z(), 0.0, -v.x(), -v.y(), v.x(), 0.0;
+  return m;
+}
+
+/// Change of all parameters by (shift, turn, radius).
+Eigen::MatrixXd by_motion(const TubeModel& model) {
+  const auto& q = model.spline.control_m;
+  const Eigen::Vector3d middle = middle_of(model);
+  Eigen::MatrixXd jacobian = Eigen::MatrixXd::Zero(static_cast<Eigen::Index>(3 * q.size() + 1), 7);
+  for (std::size_t k = 0; k < q.size(); ++k) {
+    const auto row = static_cast<Eigen::Index>(3 * k);
+    jacobian.block<3, 3>(row, 0).setIdentity();
+    jacobian.block<3, 3>(row, 3) = -cross_matrix(q[k] - middle);
+  }
+  jacobian(jacobian.rows() - 1, 6) = 1.0;
+  return jacobian;
+}
+
+/// What a tube can't have moved by from one frame to the next, so that unseen motions don't run away.
+Matrix7 weak_prior(const TubeModel& model) {
+  Matrix7 prior = Matrix7::Zero();
+  const double shift = 1.0 / (4.0 * model.radius_m * model.radius_m);
+  prior.diagonal() << shift, shift, shift, 25.0, 25.0, 25.0, shift;
+  return prior;
+}
+
+}  // namespace
+
+void move(TubeModel& model, const Twist& twist) {
+  const Eigen::Vector3d middle = middle_of(model);
+  const double angle = twist.turn_rad.norm();
+  const Eigen::Matrix3d turn = angle > 1e-12 ? Eigen::AngleAxisd(angle, twist.turn_rad / angle).toRotationMatrix()
+                                             : Eigen::Matrix3d(Eigen::Matrix3d::Identity());
+  for (Eigen::Vector3d& control : model.spline.control_m) {
+    control = middle + twist.shift_m + turn * (control - middle);
+  }
+}
+
+MotionEstimate estimate_motion(const TubeModel& model, const Eigen::MatrixXd& observed,
+                               const Eigen::VectorXd& observed_right, double radius_information) {
+  const Eigen::MatrixXd jacobian = by_motion(model);
+  Matrix7 information = jacobian.transpose() * observed * jacobian;
+  information += weak_prior(model);
+  information(6, 6) += radius_information;
+  const Eigen::Matrix<double, 7, 1> change = information.ldlt().solve(jacobian.transpose() * observed_right);
+  MotionEstimate estimate;
+  estimate.twist = {change.segment<3>(0), change.segment<3>(3)};
+  estimate.information = information.topLeftCorner<6, 6>() -
+                         information.block<6, 1>(0, 6) * information.block<1, 6>(6, 0) / information(6, 6);
+  return estimate;
+}
+
+double motion_chi2(const TubeModel& model, const MotionEstimate& estimate, const Eigen::MatrixXd& known) {
+  const Eigen::MatrixXd jacobian = by_motion(model);
+  Matrix7 before = jacobian.transpose() * known * jacobian;
+  before += weak_prior(model);
+  const Matrix6 covariance = estimate.information.inverse() + before.inverse().topLeftCorner<6, 6>();
+  Eigen::Matrix<double, 6, 1> twist;
+  twist << estimate.twist.shift_m, estimate.twist.turn_rad;
+  return twist.dot(covariance.ldlt().solve(twist));
+}
+
+}  // namespace tubetrack

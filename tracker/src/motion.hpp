@@ -1,0 +1,35 @@
+#pragma once
+
+#include <Eigen/Core>
+
+#include "normal_equations.hpp"
+
+namespace tubetrack {
+
+/// A small motion of a tube as a whole: a turn about the middle of its control points, then a shift.
+struct Twist {
+  Eigen::Vector3d shift_m = Eigen::Vector3d::Zero();
+  Eigen::Vector3d turn_rad = Eigen::Vector3d::Zero();
+
+  Twist operator*(double factor) const { return {factor * shift_m, factor * turn_rad}; }
+};
+
+void move(TubeModel& model, const Twist& twist);
+
+/// How a tube seems to have moved, and how surely: information of (shift, turn), the radius taken out.
+struct MotionEstimate {
+  Twist twist;
+  Eigen::Matrix<double, 6, 6> information = Eigen::Matrix<double, 6, 6>::Zero();
+};
+
+/// The motion that the observations behind `observed` and `observed_right` (as in NormalEquations) ask for, given that
+/// the shape stays and the radius is known to `radius_information` (1/m²). Along its axis and about it a straight tube
+/// shows no motion: there the estimate stays near zero.
+MotionEstimate estimate_motion(const TubeModel& model, const Eigen::MatrixXd& observed,
+                               const Eigen::VectorXd& observed_right, double radius_information);
+
+/// χ² (6 degrees of freedom) of an estimated motion against none, where the place moved from is itself only known to
+/// `known` (a matrix as Information's).
+double motion_chi2(const TubeModel& model, const MotionEstimate& estimate, const Eigen::MatrixXd& known);
+
+}  // namespace tubetrack

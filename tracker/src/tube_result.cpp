@@ -1,0 +1,73 @@
+#include "tube_result.hpp"
+
+#include <Eigen/Eigenvalues>
+#include <algorithm>
+#include <cmath>
+
+namespace tubetrack {
+
+namespace {
+
+/// Covariance of a centreline point from that of the control points, and the larger σ across the tube.
+void add_uncertainty(const FollowedTube& followed, double t, Tube& tube) {
+  const SplineBasis basis = basis_at(followed.model.spline, t);
+  Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();
+  for (std::size_t i = 0; i < 4; ++i) {
+    for (std::size_t j = 0; j < 4; ++j) {
+      const auto row = static_cast<Eigen::Index>(3 * (basis.first + i));
+      const auto col = static_cast<Eigen::Index>(3 * (basis.first + j));
+      covariance += basis.value[i] * basis.value[j] * followed.quality.covariance.block<3, 3>(row, col);
+    }
+  }
+  const Eigen::Vector3d along = derivative_at(followed.model.spline, t).normalized();
+  Eigen::Matrix<double, 3, 2> across;
+  across.col(0) = along.unitOrthogonal();
+  across.col(1) = along.cross(across.col(0));
+  const Eigen::Matrix2d section = across.transpose() * covariance * across;
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> solver(section);
+  tube.sigma_m.push_back(std::sqrt(std::max(0.0, solver.eigenvalues()[1])));
+  tube.node_covariance_m2.push_back(covariance);
+}
+
+double length_of(const std::vector<Eigen::Vector3d>& line) {
+  double length = 0.0;
+  for (std::size_t i = 1; i < line.size(); ++i) length += (line[i] - line[i - 1]).norm();
+  return length;
+}
+
+}  // namespace
+
+Tube result_of(const FollowedTube& followed, const HeightMap& map) {
+  Tube tube;
+  tube.id = followed.id;
+  tube.state = followed.state;
+  tube.radius_m = followed.model.radius_m;
+  tube.radius_sigma_m = followed.quality.radius_sigma_m;
+  tube.confidence = followed.state == TubeState::tracked ? std::min(1.0, followed.support) : 0.0;
+  const Extent& extent = followed.extent;
+  const Spline& spline = followed.model.spline;
+  const double chord_m = (point_at(spline, 0.5 * spline.spans() + 0.5) - point_at(spline, 0.5 * spline.spans() - 0.5)).norm();
+  const double spacing_m = std::max(std::clamp(0.5 * tube.radius_m, 0.002, 0.02), station_length_m(map, followed.model));
+  const int spans = std::max(2, static_cast<int>(std::ceil((extent.t_end - extent.t_begin) * chord_m / spacing_m)));
+  for (int i = 0; i <= spans; ++i) {
+    const double t = extent.t_begin + (extent.t_end - extent.t_begin) * i / spans;
+    tube.centerline_m.push_back(point_at(spline, t));
+    const auto nearest = std::min_element(
+        followed.stations.begin(), followed.stations.end(),
+        [&](const Station& a, const Station& b) { return std::abs(a.t - t) < std::abs(b.t - t); });
+    tube.node_visible.push_back(followed.state == TubeState::tracked && nearest != followed.stations.end() &&
+                                nearest->seen());
+    add_uncertainty(followed, t, tube);
+  }
+  tube.length_m = length_of(tube.centerline_m);
+  return tube;
+}
+
+void move_to_world(Tube& tube, const Eigen::Isometry3d& world_from_camera) {
+  for (Eigen::Vector3d& point : tube.centerline_m) point = world_from_camera * point;
+  for (Eigen::Matrix3d& covariance : tube.node_covariance_m2) {
+    covariance = world_from_camera.linear() * covariance * world_from_camera.linear().transpose();
+  }
+}
+
+}  // namespace tubetrack
