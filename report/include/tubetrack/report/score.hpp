@@ -69,10 +69,13 @@ std::string score_table(const Score& score);
 /// The same as one JSON object, keys with units, lengths in metres, parts as fractions; what is undefined is null.
 std::string score_json(const Score& score);
 
-/// Where a point lies relative to a polyline.
+/// The nearest point of a polyline.
 struct LineFoot {
   double distance_m = 0.0;
   bool beyond_end = false;  ///< the foot is an end of the line, and the point lies past it
+  Eigen::Vector3d point_m = Eigen::Vector3d::Zero();
+  Eigen::Vector3d along = Eigen::Vector3d::UnitX();  ///< the line's unit direction there
+  double from_start_m = 0.0;                         ///< length of the line up to there
 };
 /// A line of one point is that point; of none, at infinite distance.
 LineFoot foot_on_line(const Eigen::Vector3d& point, std::span<const Eigen::Vector3d> line);
