@@ -58,7 +58,9 @@ void add(Figures& sum, const Figures& part) {
   append(sum.calibration.nodes, part.calibration.nodes);
   append(sum.calibration.tubes, part.calibration.tubes);
   append(sum.sigma_over_bound, part.sigma_over_bound);
+  append(sum.bound_rms_m, part.bound_rms_m);
   append(sum.radius_sigma_over_bound, part.radius_sigma_over_bound);
+  append(sum.radius_bound_m, part.radius_bound_m);
   append(sum.frame_ms, part.frame_ms);
   append(sum.stages, part.stages);
 }
@@ -78,6 +80,11 @@ double median(std::vector<double> values) {
 
 double mean(const std::vector<double>& values) {
   return std::accumulate(values.begin(), values.end(), 0.0) / static_cast<double>(values.size());
+}
+
+double root_mean_square(const std::vector<double>& values) {
+  return std::sqrt(std::inner_product(values.begin(), values.end(), values.begin(), 0.0) /
+                   static_cast<double>(values.size()));
 }
 
 StageTimes median_stages(const std::vector<StageTimes>& stages) {

@@ -17,7 +17,9 @@ struct Figures {
   TubeScore score;  ///< all tubes of all scenes
   Calibration calibration;
   std::vector<double> sigma_over_bound;         ///< one a visible node: reported σ over the Cramér-Rao bound
+  std::vector<double> bound_rms_m;              ///< one a visible node: the bound on the distance to the truth
   std::vector<double> radius_sigma_over_bound;  ///< one a true tube reported
+  std::vector<double> radius_bound_m;           ///< one a true tube reported
   std::vector<double> frame_ms;
   std::vector<StageTimes> stages;
 };
@@ -28,6 +30,7 @@ void add(Figures& sum, const Figures& part);
 double quantile(std::vector<double> values, double part);
 double median(std::vector<double> values);
 double mean(const std::vector<double>& values);
+double root_mean_square(const std::vector<double>& values);
 StageTimes median_stages(const std::vector<StageTimes>& stages);
 
 /// |reported − true| of the true tubes' radii, in metres and as a part of the radius.

@@ -2,23 +2,11 @@
 
 #include <fmt/format.h>
 
-#include <cmath>
 #include <iterator>
 
+#include "markdown.hpp"
+
 namespace tubetrack::bench {
-
-namespace {
-
-std::string number(double value, int digits) {
-  return std::isfinite(value) ? fmt::format("{:.{}f}", value, digits) : "-";
-}
-
-/// With its sign, since its sign is what is looked for.
-std::string bias(double value, int digits) {
-  return std::isfinite(value) ? fmt::format("{:+.{}f}", value, digits) : "-";
-}
-
-}  // namespace
 
 std::string plain_header() {
   return fmt::format(

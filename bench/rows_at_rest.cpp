@@ -55,15 +55,17 @@ double first_layer(Dice& dice, const Table& table, std::vector<SceneTube>& tubes
   const double turn = radians(dice.uniform(-15.0, 15.0));
   const Vector3d along = std::cos(turn) * table.away + std::sin(turn) * table.right;
   const Vector3d aside = std::cos(turn) * table.right - std::sin(turn) * table.away;
-  double right_m = -0.17;
+  double right_m = -0.15;
   double top_m = 0.0;
+  double last_radius_m = 0.0;
   for (int i = 0; i < count; ++i) {
     const double radius_m = dice.uniform(0.015, 0.025);
-    right_m += radius_m;
-    // Tubes of different radius that lie on one plane touch when their axes are 2√(r1 r2) apart, less than r1 + r2.
+    // Tubes that lie on one plane touch when their axes are 2√(r1 r2) apart.
+    if (i > 0)
+      right_m += 2.0 * std::sqrt(last_radius_m * radius_m) + (dice.chance(0.4) ? 0.0 : dice.uniform(0.01, 0.05));
     const Vector3d middle = table.origin_m + right_m * aside + dice.uniform(-0.03, 0.03) * along + radius_m * table.up;
     tubes.push_back(straight_tube(radius_m, middle, along, dice.uniform(0.30, 0.36)));
-    right_m += radius_m + (dice.chance(0.4) ? 0.0 : dice.uniform(0.01, 0.05));
+    last_radius_m = radius_m;
     top_m = std::max(top_m, 2.0 * radius_m);
   }
   return top_m;

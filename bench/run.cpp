@@ -77,12 +77,15 @@ void add_bounds(const Shot& shot, Figures& figures) {
       if (foot.from_start_m < piece.from_m || foot.from_start_m >= piece.to_m || !std::isfinite(piece.sigma_m))
         continue;
       figures.sigma_over_bound.push_back(node.sigma_m / piece.sigma_m);
+      figures.bound_rms_m.push_back(piece.rms_m);
     }
   }
   for (const TubeError& tube : figures.calibration.tubes) {
     if (tube.true_id == 0) continue;
     const double bound_m = shot.bounds[static_cast<std::size_t>(tube.true_id) - 1].radius_sigma_m;
-    if (std::isfinite(bound_m)) figures.radius_sigma_over_bound.push_back(tube.radius_sigma_m / bound_m);
+    if (!std::isfinite(bound_m)) continue;
+    figures.radius_sigma_over_bound.push_back(tube.radius_sigma_m / bound_m);
+    figures.radius_bound_m.push_back(bound_m);
   }
 }
 

@@ -25,6 +25,7 @@ struct Row {
   std::string_view name;
   std::string_view shows;
   SuiteScene (*make)(Dice& dice);
+  bool at_rest = true;        ///< camera and tubes
   int frames = 30;            ///< of a sequence; 0: single frames only
   bool holds_tubes = true;    ///< false: whatever is reported is false
   bool single_shots = false;  ///< the row of many random tubes, which has a count of its own

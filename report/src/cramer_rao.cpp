@@ -46,13 +46,21 @@ double radius_information(const Piece& piece) {
   return std::max(0.0, piece.information(2, 2) - shared.dot(place.inverse() * shared));
 }
 
-double place_sigma_m(const Piece& piece, double information_from_others) {
+/// Covariance of a piece's place across the tube; infinite where it can't be told.
+Eigen::Matrix2d place_covariance_m2(const Piece& piece, double information_from_others) {
   Eigen::Matrix3d information = piece.information;
   information(2, 2) += information_from_others;
   const Eigen::FullPivLU<Eigen::Matrix3d> lu(information);
-  if (!lu.isInvertible()) return std::numeric_limits<double>::infinity();
-  const Eigen::Matrix2d covariance = lu.inverse().topLeftCorner<2, 2>();
-  return std::sqrt(Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d>(covariance).eigenvalues()[1]);
+  if (!lu.isInvertible()) return Eigen::Matrix2d::Constant(std::numeric_limits<double>::infinity());
+  return lu.inverse().topLeftCorner<2, 2>();
+}
+
+PieceBound piece_bound(const Piece& piece, double information_from_others) {
+  constexpr double kUnknown = std::numeric_limits<double>::infinity();
+  const Eigen::Matrix2d covariance = place_covariance_m2(piece, information_from_others);
+  if (!std::isfinite(covariance(0, 0))) return {0.0, 0.0, kUnknown, kUnknown};
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> solver(covariance, Eigen::EigenvaluesOnly);
+  return {0.0, 0.0, std::sqrt(solver.eigenvalues()[1]), std::sqrt(covariance.trace())};
 }
 
 }  // namespace
@@ -71,9 +79,10 @@ TubeBound cramer_rao_bound(std::span<const SurfacePixel> pixels, double piece_m,
   for (const Piece& piece : pieces) of_radius += radius_information(piece);
   if (of_radius > 0.0) bound.radius_sigma_m = 1.0 / std::sqrt(of_radius);
   for (std::size_t i = 0; i < pieces.size(); ++i) {
-    const double start_m = from_m + static_cast<double>(i) * piece_m;
-    const double from_others = of_radius - radius_information(pieces[i]);
-    bound.pieces.push_back({start_m, start_m + piece_m, place_sigma_m(pieces[i], from_others)});
+    PieceBound piece = piece_bound(pieces[i], of_radius - radius_information(pieces[i]));
+    piece.from_m = from_m + static_cast<double>(i) * piece_m;
+    piece.to_m = piece.from_m + piece_m;
+    bound.pieces.push_back(piece);
   }
   return bound;
 }

@@ -21,6 +21,7 @@ struct PieceBound {
   double from_m = 0.0;
   double to_m = 0.0;
   double sigma_m = 0.0;  ///< the larger axis across the tube; infinite where too little is seen
+  double rms_m = 0.0;    ///< both axes together: the least RMS distance from the true centreline
 };
 
 struct TubeBound {
