@@ -24,6 +24,8 @@ void add(TubeScore& sum, const TubeScore& part) {
   sum.false_m += part.false_m;
   sum.squared_error_m2 += part.squared_error_m2;
   sum.matched_samples += part.matched_samples;
+  sum.interval_nodes += part.interval_nodes;
+  sum.interval_hits += part.interval_hits;
   append(sum.radius_errors, part.radius_errors);
   sum.reported_tubes += part.reported_tubes;
   sum.identity_hits += part.identity_hits;

@@ -8,6 +8,12 @@ namespace tubetrack::bench {
 
 namespace {
 
+#ifdef __clang__
+constexpr const char* kCompiler = "Clang " __clang_version__;
+#else
+constexpr const char* kCompiler = "GCC " __VERSION__;
+#endif
+
 constexpr const char* kHowMeasured = R"(## How it is measured
 
 Scenes are drawn from seeds (`bench/rows_*.cpp`), rendered by exact ray casting with the noise of docs/scene.md, and
@@ -43,10 +49,10 @@ std::string head(const Report& report) {
   for (std::size_t i = 1; i < report.methods.size(); ++i) methods += (i == 1 ? "" : ", ") + report.methods[i];
   return fmt::format(
       "# How accurate tubetrack is\n\nWritten by `{}`; don't edit.\n\n"
-      "| | |\n| --- | --- |\n| commit | {} |\n| compiler | GCC-compatible, {} |\n| CPU | {} |\n| suite | {}, seeds "
+      "| | |\n| --- | --- |\n| commit | {} |\n| compiler | {} |\n| CPU | {} |\n| suite | {}, seeds "
       "from {} "
       "|\n| peers | {} |\n\n",
-      report.about.command, report.about.commit, __VERSION__, report.about.cpu, report.about.suite,
+      report.about.command, report.about.commit, kCompiler, report.about.cpu, report.about.suite,
       report.about.first_seed, methods.empty() ? "not run (`--peers`)" : methods);
 }
 

@@ -13,7 +13,7 @@ namespace {
 
 constexpr int kNeighbours = 50;
 constexpr double kNormalWeight = 0.01;
-constexpr double kReach_m = 0.006;
+constexpr double kReach_m = 0.003;
 constexpr int kIterations = 2000;
 constexpr std::size_t kLeastPoints = 500;
 constexpr int kMostCylinders = 12;

@@ -36,6 +36,9 @@ struct TubeScore {
   double squared_error_m2 = 0.0;
   std::int64_t matched_samples = 0;
   std::vector<double> radius_errors;  ///< |reported − true| / true, one a frame found
+  /// Visible nodes matched with this tube, and those whose reported 95 % interval holds the truth (calibration.hpp).
+  std::int64_t interval_nodes = 0;
+  std::int64_t interval_hits = 0;
   /// Identity, on pairs of a true and a reported tube matched frame by frame.
   std::int64_t reported_tubes =
       0;  ///< reported tubes, frame by frame, of the identity assigned to this tube; pooled: all
@@ -47,6 +50,7 @@ struct TubeScore {
   double false_length() const;
   double rms_m() const;
   double radius_error_median() const;
+  double inside_95() const;
   double idf1() const;
 };
 
