@@ -16,8 +16,9 @@ namespace {
 
 constexpr const char* kFooter =
     R"(The score, for each true tube and for all: coverage (visible centreline that was found), RMS (distance of the reported
-line to the true one), false length (reported line that is no tube), radius error (median), IDF1 and identity switches
-(the true tube got another id) and transfers (the id went to another true tube).
+line to the true one), false length (reported line that is no tube), radius error (median), how much of the truth is in
+the reported 95 % interval, IDF1 and identity switches (the true tube got another id) and transfers (the id went to
+another true tube).
 
 RECORDING needs its truth.jsonl beside it, as `tubetrack synth` writes it. Without TUBES.jsonl the recording is tracked
 now, with the flags of `tubetrack replay`.

@@ -7,7 +7,7 @@
 
 #include "measure.hpp"
 #include "scene_caster.hpp"
-#include "tube_path.hpp"
+#include "tubetrack/replay/tube_path.hpp"
 
 namespace tubetrack {
 

@@ -1,5 +1,5 @@
 #include "ray_cast.hpp"
-#include "tube_path.hpp"
+#include "tubetrack/replay/tube_path.hpp"
 
 namespace tubetrack {
 

@@ -1,4 +1,4 @@
-#include "tube_path.hpp"
+#include "tubetrack/replay/tube_path.hpp"
 
 #include <cmath>
 

@@ -8,6 +8,7 @@
 #include <map>
 #include <utility>
 
+#include "tubetrack/report/calibration.hpp"
 #include "tubetrack/report/summary.hpp"
 
 namespace tubetrack {
@@ -128,6 +129,16 @@ void add_identity(const TruthFrame& truth, const TubeFrame& result, const std::v
   }
 }
 
+void add_intervals(const TruthFrame& truth, const TubeFrame& result, const ScoreRules& rules, Tally& tally) {
+  Calibration calibration;
+  add_frame(calibration, truth, result, Eigen::Isometry3d::Identity(), rules);
+  for (const NodeError& node : calibration.nodes) {
+    TubeScore& score = tally.tubes[node.true_id];
+    ++score.interval_nodes;
+    score.interval_hits += node.inside() ? 1 : 0;
+  }
+}
+
 /// IDF1's identities: one reported id a true tube, for the whole run, with the most frames in common.
 void assign_identities(Tally& tally) {
   std::vector<std::int64_t> true_ids, reported_ids;
@@ -161,6 +172,8 @@ void pool(Tally& tally) {
     total.false_m += tube.false_m;
     total.squared_error_m2 += tube.squared_error_m2;
     total.matched_samples += tube.matched_samples;
+    total.interval_nodes += tube.interval_nodes;
+    total.interval_hits += tube.interval_hits;
     total.radius_errors.insert(total.radius_errors.end(), tube.radius_errors.begin(), tube.radius_errors.end());
     total.identity_hits += tube.identity_hits;
     total.switches += tube.switches;
@@ -185,6 +198,9 @@ double TubeScore::radius_error_median() const {
   std::vector<double> sorted = radius_errors;
   std::sort(sorted.begin(), sorted.end());
   return 0.5 * (sorted[sorted.size() / 2] + sorted[(sorted.size() - 1) / 2]);
+}
+double TubeScore::inside_95() const {
+  return quotient(static_cast<double>(interval_hits), static_cast<double>(interval_nodes));
 }
 double TubeScore::idf1() const {
   return quotient(2.0 * static_cast<double>(identity_hits), static_cast<double>(frames_in_view + reported_tubes));
@@ -220,6 +236,7 @@ Expected<Score> score_run(std::span<const TruthFrame> truth, std::span<const Tub
     reported.reserve(result->tubes.size());
     for (const Tube& tube : result->tubes) reported.push_back(add_reported(frame, tube, rules, tally));
     add_identity(frame, *result, reported, rules, tally);
+    add_intervals(frame, *result, rules, tally);
     for (const TrueTube& tube : frame.tubes) tally.tubes[tube.id].true_radius_m = tube.radius_m;
   }
   for (const auto& [number, result] : result_of) score.frames_without_truth += number >= rules.first_frame ? 1 : 0;

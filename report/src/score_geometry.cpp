@@ -1,23 +1,33 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <utility>
 
 #include "tubetrack/report/score.hpp"
 
 namespace tubetrack {
 
 LineFoot foot_on_line(const Eigen::Vector3d& point, std::span<const Eigen::Vector3d> line) {
-  LineFoot best{std::numeric_limits<double>::infinity(), true};
-  if (line.size() == 1) return {(point - line[0]).norm(), true};
+  LineFoot best;
+  best.distance_m = std::numeric_limits<double>::infinity();
+  best.beyond_end = true;
+  if (line.size() == 1) {
+    best.distance_m = (point - line[0]).norm();
+    best.point_m = line[0];
+  }
+  double passed_m = 0.0;
   for (std::size_t i = 0; i + 1 < line.size(); ++i) {
     const Eigen::Vector3d way = line[i + 1] - line[i];
     const double squared = way.squaredNorm();
+    const double start_m = std::exchange(passed_m, passed_m + std::sqrt(squared));
     const double along = squared > 0.0 ? (point - line[i]).dot(way) / squared : 0.0;
-    const double distance_m = (point - line[i] - std::clamp(along, 0.0, 1.0) * way).norm();
+    const Eigen::Vector3d nearest = line[i] + std::clamp(along, 0.0, 1.0) * way;
+    const double distance_m = (point - nearest).norm();
     if (distance_m >= best.distance_m) continue;
     const bool before_start = i == 0 && along < 0.0;
     const bool past_end = i + 2 == line.size() && along > 1.0;
-    best = {distance_m, before_start || past_end};
+    best = {distance_m, before_start || past_end, nearest, squared > 0.0 ? way.normalized() : best.along,
+            start_m + (nearest - line[i]).norm()};
   }
   return best;
 }

@@ -27,6 +27,7 @@ nlohmann::ordered_json tube_json(const TubeScore& t) {
           {"false_length", number_json(t.false_length())},
           {"reported_m", number_json(t.reported_m)},
           {"radius_error_median", number_json(t.radius_error_median())},
+          {"inside_95", number_json(t.inside_95())},
           {"idf1", number_json(t.idf1())},
           {"switches", t.switches},
           {"transfers", t.transfers}};
@@ -37,13 +38,14 @@ nlohmann::ordered_json tube_json(const TubeScore& t) {
 std::string score_table(const Score& score) {
   std::string text;
   auto out = std::back_inserter(text);
-  fmt::format_to(out, "{:>5} {:>9} {:>7} {:>11} {:>7} {:>14} {:>15} {:>6} {:>9} {:>10}\n", "tube", "radius mm",
-                 "frames", "coverage %", "RMS mm", "false length %", "radius error %", "IDF1", "switches", "transfers");
+  fmt::format_to(out, "{:>5} {:>9} {:>7} {:>11} {:>7} {:>14} {:>15} {:>13} {:>6} {:>9} {:>10}\n", "tube", "radius mm",
+                 "frames", "coverage %", "RMS mm", "false length %", "radius error %", "in interval %", "IDF1",
+                 "switches", "transfers");
   const auto row = [&](const std::string& name, const std::string& radius, const TubeScore& t) {
-    fmt::format_to(out, "{:>5} {:>9} {:>7} {:>11} {:>7} {:>14} {:>15} {:>6} {:>9} {:>10}\n", name, radius,
+    fmt::format_to(out, "{:>5} {:>9} {:>7} {:>11} {:>7} {:>14} {:>15} {:>13} {:>6} {:>9} {:>10}\n", name, radius,
                    t.frames_in_view, number(100.0 * t.coverage(), 2), number(1e3 * t.rms_m(), 3),
-                   number(100.0 * t.false_length(), 2), number(100.0 * t.radius_error_median(), 2), number(t.idf1(), 3),
-                   t.switches, t.transfers);
+                   number(100.0 * t.false_length(), 2), number(100.0 * t.radius_error_median(), 2),
+                   number(100.0 * t.inside_95(), 1), number(t.idf1(), 3), t.switches, t.transfers);
   };
   for (const TubeScore& tube : score.tubes) {
     row(fmt::format("{}", tube.id), number(1e3 * tube.true_radius_m, 2), tube);

@@ -234,13 +234,26 @@ TEST(Score, RunsThatCannotBeComparedAreRefused) {
 TEST(Score, TableAndJsonSayTheSame) {
   const Score score = scored_one(reported_tube(9, 0.0, 0.4, 0.003));
   EXPECT_THAT(score_table(score),
-              HasSubstr("100.00   3.000           0.00            0.00  1.000         0          0"));
+              HasSubstr("100.00   3.000           0.00            0.00             -  1.000         0          0"));
   const auto json = nlohmann::json::parse(score_json(score));
   EXPECT_EQ(json["total"]["coverage"], 1.0);
   EXPECT_EQ(json["total"]["rms_m"], 0.003);
   EXPECT_EQ(json["tubes"][0]["id"], 1);
+  EXPECT_TRUE(json["total"]["inside_95"].is_null());
   EXPECT_TRUE(nlohmann::json::parse(score_json(scored({truth_frame(0, {})}, {result_frame(0, {})})))["total"]["rms_m"]
                   .is_null());
+}
+
+TEST(Score, IntervalsAreCountedWhereCovariancesAreGiven) {
+  Tube tube = reported_tube(9, 0.1, 0.3, 0.0004);
+  for (std::size_t i = 0; i < tube.centerline_m.size(); ++i) {
+    const double sigma_m = i % 4 == 0 ? 0.0001 : 0.0002;  // every fourth node is too sure
+    tube.node_covariance_m2.emplace_back(sigma_m * sigma_m * Eigen::Matrix3d::Identity());
+  }
+  const Score score = scored_one(tube);
+  EXPECT_EQ(score.total.interval_nodes, 21);
+  EXPECT_EQ(score.total.interval_hits, 15);
+  EXPECT_THAT(score.tubes.at(0).inside_95(), DoubleNear(15.0 / 21.0, 1e-12));
 }
 
 TEST(FootOnLine, InsideAtACornerAndBeyondTheEnds) {
@@ -250,6 +263,10 @@ TEST(FootOnLine, InsideAtACornerAndBeyondTheEnds) {
   EXPECT_FALSE(foot_on_line({1.3, -0.4, 0}, corner).beyond_end);  // the corner is no end
   EXPECT_DOUBLE_EQ(foot_on_line({1.3, -0.4, 0}, corner).distance_m, 0.5);
   EXPECT_TRUE(foot_on_line({-0.3, 0.4, 0}, corner).beyond_end);
+  const LineFoot foot = foot_on_line({1.2, 0.25, 0}, corner);
+  EXPECT_EQ(foot.point_m, Eigen::Vector3d(1, 0.25, 0));
+  EXPECT_EQ(foot.along, Eigen::Vector3d::UnitY());
+  EXPECT_DOUBLE_EQ(foot.from_start_m, 1.25);
   EXPECT_TRUE(foot_on_line({1, 1.5, 0}, corner).beyond_end);
   EXPECT_TRUE(std::isinf(foot_on_line({0, 0, 0}, {}).distance_m));
 }

@@ -36,6 +36,9 @@ struct TubeScore {
   double squared_error_m2 = 0.0;
   std::int64_t matched_samples = 0;
   std::vector<double> radius_errors;  ///< |reported − true| / true, one a frame found
+  /// Visible nodes matched with this tube, and those whose reported 95 % interval holds the truth (calibration.hpp).
+  std::int64_t interval_nodes = 0;
+  std::int64_t interval_hits = 0;
   /// Identity, on pairs of a true and a reported tube matched frame by frame.
   std::int64_t reported_tubes =
       0;  ///< reported tubes, frame by frame, of the identity assigned to this tube; pooled: all
@@ -47,6 +50,7 @@ struct TubeScore {
   double false_length() const;
   double rms_m() const;
   double radius_error_median() const;
+  double inside_95() const;
   double idf1() const;
 };
 
@@ -69,10 +73,13 @@ std::string score_table(const Score& score);
 /// The same as one JSON object, keys with units, lengths in metres, parts as fractions; what is undefined is null.
 std::string score_json(const Score& score);
 
-/// Where a point lies relative to a polyline.
+/// The nearest point of a polyline.
 struct LineFoot {
   double distance_m = 0.0;
   bool beyond_end = false;  ///< the foot is an end of the line, and the point lies past it
+  Eigen::Vector3d point_m = Eigen::Vector3d::Zero();
+  Eigen::Vector3d along = Eigen::Vector3d::UnitX();  ///< the line's unit direction there
+  double from_start_m = 0.0;                         ///< length of the line up to there
 };
 /// A line of one point is that point; of none, at infinite distance.
 LineFoot foot_on_line(const Eigen::Vector3d& point, std::span<const Eigen::Vector3d> line);

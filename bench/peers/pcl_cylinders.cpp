@@ -1,0 +1,98 @@
+#include <pcl/ModelCoefficients.h>
+#include <pcl/features/normal_3d.h>
+#include <pcl/point_types.h>
+#include <pcl/search/kdtree.h>
+#include <pcl/segmentation/sac_segmentation.h>
+
+#include "peers.hpp"
+#include "pieces.hpp"
+
+namespace tubetrack::bench {
+
+namespace {
+
+constexpr int kNeighbours = 50;
+constexpr double kNormalWeight = 0.01;
+constexpr double kReach_m = 0.003;
+constexpr int kIterations = 2000;
+constexpr std::size_t kLeastPoints = 500;
+constexpr int kMostCylinders = 12;
+
+using Cloud = pcl::PointCloud<pcl::PointXYZ>;
+using Normals = pcl::PointCloud<pcl::Normal>;
+
+Cloud::Ptr cloud_of(const std::vector<Eigen::Vector3d>& points) {
+  auto cloud = pcl::make_shared<Cloud>();
+  for (const Eigen::Vector3d& p : points) {
+    cloud->emplace_back(static_cast<float>(p.x()), static_cast<float>(p.y()), static_cast<float>(p.z()));
+  }
+  return cloud;
+}
+
+Normals::Ptr pca_normals(const Cloud::Ptr& cloud) {
+  pcl::NormalEstimation<pcl::PointXYZ, pcl::Normal> estimation;
+  estimation.setInputCloud(cloud);
+  estimation.setSearchMethod(pcl::make_shared<pcl::search::KdTree<pcl::PointXYZ>>());
+  estimation.setKSearch(kNeighbours);
+  auto normals = pcl::make_shared<Normals>();
+  estimation.compute(*normals);
+  return normals;
+}
+
+/// The cylinder with the most points, and their places; false where there is none left.
+bool next_cylinder(const Cloud::Ptr& cloud, const Normals::Ptr& normals, Cylinder& cylinder,
+                   pcl::PointIndices& inliers) {
+  pcl::SACSegmentationFromNormals<pcl::PointXYZ, pcl::Normal> segmentation;
+  segmentation.setOptimizeCoefficients(true);
+  segmentation.setModelType(pcl::SACMODEL_CYLINDER);
+  segmentation.setMethodType(pcl::SAC_RANSAC);
+  segmentation.setNormalDistanceWeight(kNormalWeight);
+  segmentation.setMaxIterations(kIterations);
+  segmentation.setDistanceThreshold(kReach_m);
+  segmentation.setRadiusLimits(kLeastRadius_m, kLargestRadius_m);
+  segmentation.setInputCloud(cloud);
+  segmentation.setInputNormals(normals);
+  pcl::ModelCoefficients model;
+  segmentation.segment(inliers, model);
+  if (model.values.size() < 7 || inliers.indices.size() < kLeastPoints) return false;
+  cylinder.point_m = Eigen::Vector3f(model.values.data()).cast<double>();
+  cylinder.direction = Eigen::Vector3f(model.values.data() + 3).cast<double>().normalized();
+  cylinder.radius_m = model.values[6];
+  return true;
+}
+
+template <class T>
+void drop(pcl::PointCloud<T>& cloud, const std::vector<bool>& taken) {
+  pcl::PointCloud<T> rest;
+  for (std::size_t i = 0; i < cloud.size(); ++i) {
+    if (!taken[i]) rest.push_back(cloud[i]);
+  }
+  cloud = rest;
+}
+
+}  // namespace
+
+std::vector<Tube> pcl_cylinders(const DepthFrame& frame, const Intrinsics& camera) {
+  std::vector<Tube> tubes;
+  const Cloud::Ptr cloud = cloud_of(points_off_planes(frame, camera));
+  if (cloud->size() < kLeastPoints) return tubes;
+  const Normals::Ptr normals = pca_normals(cloud);
+  for (int i = 0; i < kMostCylinders && cloud->size() >= kLeastPoints; ++i) {
+    Cylinder cylinder;
+    pcl::PointIndices inliers;
+    if (!next_cylinder(cloud, normals, cylinder, inliers)) break;
+    std::vector<Eigen::Vector3d> points;
+    std::vector<bool> taken(cloud->size(), false);
+    for (const int index : inliers.indices) {
+      const auto place = static_cast<std::size_t>(index);
+      points.emplace_back((*cloud)[place].getVector3fMap().cast<double>());
+      taken[place] = true;
+    }
+    for (const Tube& piece : straight_pieces(cylinder, points, camera.fx_px)) tubes.push_back(piece);
+    drop(*cloud, taken);
+    drop(*normals, taken);
+  }
+  return tubes;
+}
+
+}  // namespace tubetrack::bench
