@@ -16,6 +16,7 @@ namespace tubetrack {
 struct TubeTracker::State {
   TrackerConfig config;
   HeightMap map;
+  SurfelFinder surfels;
   Identities identities;
   TubeFrame result;
 };
@@ -118,7 +119,7 @@ const TubeFrame& TubeTracker::track(const DepthFrame& frame) {
   update(s.map, frame, s.config.noise, limits_of(s.config), !frame.world_from_camera);
   stage.lap(s.result.stages.update_ms);
 
-  const std::vector<Surfel> surfels = tube_surfels(s.map, s.config.noise, surfel_options(s.config));
+  const std::span<const Surfel> surfels = s.surfels.find(s.map, s.config.noise, surfel_options(s.config));
   stage.lap(s.result.stages.normals_ms);
 
   const double cell_m = s.config.cell_m.value_or(matching_cell_m(surfels, in.fx_px));
