@@ -8,6 +8,9 @@
 #include <cmath>
 #include <random>
 
+#include "heightmap/slow_surfels.hpp"
+#include "surfel_region.hpp"
+
 namespace tubetrack {
 namespace {
 
@@ -27,6 +30,43 @@ HeightMap map_of(const Intrinsics& camera, auto depth_at) {
   const auto row_bytes = static_cast<std::size_t>(camera.width) * 2;
   update(map, {pixels.data(), camera.width, camera.height, row_bytes, 1e-4}, {}, {}, true);
   return map;
+}
+
+/// Planes as the surfel stage makes them: wherever the window is within the image, or (`edges`) on one side of edges too.
+std::vector<WindowPlane> window_planes(const HeightMap& map, std::size_t size, bool edges = false) {
+  const int width = map.intrinsics.width;
+  const int height = map.intrinsics.height;
+  const int half = kWindowHalfSizes_px[size];
+  SurfelWork work;
+  prepare(map, work);
+  for (int v = 0; v < height; ++v) take_heights(map, v, 0, width, work.heights);
+  fit_windows(EdgeRule({}, map.intrinsics.fx_px), 0, height, work);
+  Windows& windows = work.windows[size];
+  for (int v = half; v < height - half && !edges; ++v) {
+    for (int u = half; u < width - half; ++u) {
+      if (map.count[map.cell(u, v)] > 0) windows.fits.set(u, v);
+    }
+  }
+  const int columns = (width + 15) / 16 * 16;
+  work.sums.start(-32, columns + 64, 0, true);
+  work.planes[size].start(half, 0, columns);
+  std::vector<WindowPlane> planes(map.rays.size());
+  for (int v = 0; v < height; ++v) {
+    work.sums.advance(work.heights, std::min(height, v + half + 1));
+    planes_of_row(work.sums, windows.fits, windows.holes, v, work.planes[size]);
+    const PlaneRow row = work.planes[size].row(v);
+    for (int u = 0; u < width; ++u) {
+      if (row.slope_u[u] >= kNoPlane) continue;
+      const std::size_t at = map.cell(u, v);
+      const double a = row.slope_u[u] * map.intrinsics.fx_px;
+      const double b = row.slope_v[u] * map.intrinsics.fy_px;
+      const Vector3d ray(map.rays[at].x(), map.rays[at].y(), 1.0);
+      const Vector3d normal(a, b, row.height[u] - a * ray.x() - b * ray.y());
+      planes[at] = {normal.normalized(), ray / row.height[u],
+                    row.slope_sigma[u] * map.intrinsics.fx_px / normal.norm()};
+    }
+  }
+  return planes;
 }
 
 /// z of the plane n·p = d along a ray.
@@ -49,15 +89,15 @@ TEST(WindowPlanes, OfAPlaneAreThatPlane) {
       map.variance_per_m2[i] = 1e-6F;
       map.count[i] = 1;
     }
-    const std::vector<std::uint8_t> far_from_edges(map.rays.size(), 255);
-    for (const int half : kWindowHalfSizes_px) {
-      const auto planes = window_planes(map, half, far_from_edges);
+    for (std::size_t size = 0; size < kWindowHalfSizes_px.size(); ++size) {
+    const int half = kWindowHalfSizes_px[size];
+      const auto planes = window_planes(map, size);
       int found = 0;
       for (const WindowPlane& plane : planes) {
-        if (plane.angle_sigma_rad <= 0.0F) continue;
+        if (plane.angle_sigma_rad <= 0.0) continue;
         ++found;
-        EXPECT_LT(angle(plane.inward_normal.cast<double>(), normal), 1e-4);
-        EXPECT_NEAR(plane.position_m.cast<double>().dot(normal), 0.7, 1e-5);
+        EXPECT_LT(angle(plane.inward_normal, normal), 1e-4);
+        EXPECT_NEAR(plane.position_m.dot(normal), 0.7, 1e-5);
       }
       EXPECT_EQ(found, (80 - 2 * half) * (60 - 2 * half));
     }
@@ -91,16 +131,16 @@ TEST(WindowPlanes, AreTheLeastSquaresPlanesOfTheirWindows) {
     const double z = 0.8 + 0.1 * ray.x() - 0.2 * ray.y() * ray.y() + 0.003 * gauss(random);
     return unit(random) < 0.2 ? 0.0 : z;
   });
-  const std::vector<std::uint8_t> far_from_edges(map.rays.size(), 255);
-  for (const int half : kWindowHalfSizes_px) {
-    const auto planes = window_planes(map, half, far_from_edges);
+  for (std::size_t size = 0; size < kWindowHalfSizes_px.size(); ++size) {
+    const int half = kWindowHalfSizes_px[size];
+    const auto planes = window_planes(map, size);
     int compared = 0;
     for (int v = half; v < 60 - half; v += 5) {
       for (int u = half; u < 80 - half; u += 7) {
         const std::size_t at = map.cell(u, v);
-        if (planes[at].angle_sigma_rad <= 0.0F) continue;
+        if (planes[at].angle_sigma_rad <= 0.0) continue;
         const Vector3d plane = plane_by_qr(map, u, v, half);
-        EXPECT_LT(angle(planes[at].inward_normal.cast<double>(), plane), 2e-5);
+        EXPECT_LT(angle(planes[at].inward_normal, plane), 1e-4);  // heights are rounded to 2⁻¹⁶ /m
         const double w = plane.dot(Vector3d(map.rays[at].x(), map.rays[at].y(), 1.0));
         EXPECT_NEAR(planes[at].position_m.z(), 1.0 / w, 1e-5);
         ++compared;
@@ -115,16 +155,16 @@ TEST(WindowPlanes, SayHowUncertainTheNormalIs) {
   std::normal_distribution<double> gauss;
   const double sigma = axial_sigma_m({}, 0.8, 0.0);
   const HeightMap map = map_of(kCamera, [&](const Vector3d&) { return 0.8 + sigma * gauss(random); });
-  const std::vector<std::uint8_t> far_from_edges(map.rays.size(), 255);
-  for (const int half : kWindowHalfSizes_px) {
-    const auto planes = window_planes(map, half, far_from_edges);
+  for (std::size_t size = 0; size < kWindowHalfSizes_px.size(); ++size) {
+    const int half = kWindowHalfSizes_px[size];
+    const auto planes = window_planes(map, size);
     double squares = 0.0;
     double says = 0.0;
     int n = 0;
     for (int v = 20; v < 460; v += 2 * half + 1) {
       for (int u = 20; u < 620; u += 2 * half + 1) {
         const WindowPlane& plane = planes[map.cell(u, v)];
-        ASSERT_GT(plane.angle_sigma_rad, 0.0F);
+        ASSERT_GT(plane.angle_sigma_rad, 0.0);
         // Tilt about one axis: of a wall straight ahead, the slope along x.
         const double off = plane.inward_normal.x() / plane.inward_normal.z();
         squares += off * off;
@@ -138,20 +178,35 @@ TEST(WindowPlanes, SayHowUncertainTheNormalIs) {
 
 TEST(WindowPlanes, AreOnlyWhereTheWindowStaysOnOneSideOfEdges) {
   const HeightMap map = map_of(kSmall, [](const Vector3d& ray) { return ray.x() < 0.0 ? 0.8 : 1.1; });
-  const auto distance = edge_distances(map, {});
-  for (const int half : kWindowHalfSizes_px) {
-    const auto planes = window_planes(map, half, distance);
+  for (std::size_t size = 0; size < kWindowHalfSizes_px.size(); ++size) {
+    const int half = kWindowHalfSizes_px[size];
+    const auto planes = window_planes(map, size, true);
     for (int v = 0; v < 60; ++v) {
       for (int u = 0; u < 80; ++u) {
         const int edge = u < 40 ? 39 - u : u - 40;  // from the edge's own pixel
         const bool inside = u >= half && v >= half && u < 80 - half && v < 60 - half;
-        EXPECT_EQ(planes[map.cell(u, v)].angle_sigma_rad > 0.0F, inside && edge > half) << u << ' ' << v;
+        EXPECT_EQ(planes[map.cell(u, v)].angle_sigma_rad > 0.0, inside && edge > half) << u << ' ' << v;
       }
     }
   }
 }
 
-TEST(EdgeDistances, AreChessboardDistancesToEdgesAndTheBorder) {
+SurfelWork with_windows(const HeightMap& map) {
+  SurfelWork work;
+  prepare(map, work);
+  for (int v = 0; v < map.intrinsics.height; ++v) take_heights(map, v, 0, map.intrinsics.width, work.heights);
+  fit_windows(EdgeRule({}, map.intrinsics.fx_px), 0, map.intrinsics.height, work);
+  return work;
+}
+
+int edges_in_row(const HeightMap& map, int v) {
+  const SurfelWork work = with_windows(map);
+  int count = 0;
+  for (int u = 0; u < map.intrinsics.width; ++u) count += work.edges.edges.get(u, v) ? 1 : 0;
+  return count;
+}
+
+TEST(Edges, AWindowFitsWhereItsHalfSizeIsLessThanTheDistanceToEdgesAndTheBorder) {
   const HeightMap map = map_of(kSmall, [](const Vector3d& ray) {
     const bool near = std::abs(ray.x()) < 0.1 && ray.y() > -0.2 && ray.y() < 0.15;
     return near ? 0.6 : 0.9;
@@ -167,27 +222,28 @@ TEST(EdgeDistances, AreChessboardDistancesToEdgesAndTheBorder) {
     }
   }
   ASSERT_GT(edges.size(), 20U);
-  const auto distance = edge_distances(map, {});
+  const auto distance = slow_edge_distances(map, {});
+  const SurfelWork work = with_windows(map);
   for (int v = 0; v < 60; ++v) {
     for (int u = 0; u < 80; ++u) {
       int expected = std::min({u + 1, v + 1, 80 - u, 60 - v});
       for (const auto& [eu, ev] : edges) expected = std::min(expected, std::max(std::abs(eu - u), std::abs(ev - v)));
       EXPECT_EQ(distance[map.cell(u, v)], expected) << u << ' ' << v;
+      for (std::size_t size = 0; size < kWindowHalfSizes_px.size(); ++size) {
+        EXPECT_EQ(work.windows[size].fits.get(u, v), expected > kWindowHalfSizes_px[size]) << u << ' ' << v;
+      }
     }
   }
 }
 
-TEST(EdgeDistances, AGapWithoutReturnsBetweenTwoDepthsIsAnEdge) {
+TEST(Edges, AGapWithoutReturnsBetweenTwoDepthsIsAnEdge) {
   const HeightMap map = map_of(kSmall, [](const Vector3d& ray) {
     if (std::abs(ray.x()) < 0.06) return 0.0;
     return ray.x() < 0.0 ? 0.8 : 1.1;
   });
-  const auto distance = edge_distances(map, {});
-  const auto last_left =
-      std::find_if(distance.begin() + 30 * 80, distance.begin() + 31 * 80, [](int d) { return d == 0; });
-  ASSERT_NE(last_left, distance.begin() + 31 * 80);
+  EXPECT_GT(edges_in_row(map, 30), 0);
   const HeightMap flat = map_of(kSmall, [](const Vector3d& ray) { return std::abs(ray.x()) < 0.06 ? 0.0 : 0.8; });
-  for (const std::uint8_t d : edge_distances(flat, {})) EXPECT_GT(d, 0);
+  for (int v = 0; v < 60; ++v) EXPECT_EQ(edges_in_row(flat, v), 0);
 }
 
 /// A cylinder across the view, 0.8 m away, in front of a wall.

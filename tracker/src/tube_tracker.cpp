@@ -17,6 +17,7 @@ namespace tubetrack {
 struct TubeTracker::State {
   TrackerConfig config;
   HeightMap map;
+  SurfelFinder surfels;
   KnownTubes known;
   std::optional<Eigen::Isometry3d> world_from_camera;  // of the last frame
   std::optional<double> timestamp_s;                   // of the last frame
@@ -134,8 +135,8 @@ const TubeFrame& TubeTracker::track(const DepthFrame& frame) {
   follow_known(frame);  // section 2.3, from where the last frame left each tube
   stage.lap(stages.fit_ms);
 
-  std::vector<Surfel> surfels = tube_surfels(s.map, s.config.noise, surfel_options(s.config));
-  std::erase_if(surfels, [&](const Surfel& surfel) { return s.explained[surfel.cell] != 0; });
+  const std::span<const Surfel> surfels =
+      s.surfels.find(s.map, s.config.noise, surfel_options(s.config), s.explained);
   stage.lap(stages.normals_ms);
 
   const double cell_m = s.config.cell_m.value_or(matching_cell_m(surfels, s.map.intrinsics.fx_px));

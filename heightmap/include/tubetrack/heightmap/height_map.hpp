@@ -10,6 +10,10 @@
 
 namespace tubetrack {
 
+/// Changes are noted by tiles of this size, the first at pixel (0, 0).
+inline constexpr int kTileWidth_px = 32;
+inline constexpr int kTileHeight_px = 16;
+
 /// The image grid of DESIGN §2: a cell is a depth pixel, its height is inverse depth. All buffers are row-major with
 /// width × height cells. A plane in space is a plane in (ray x, ray y, inverse depth), so heights can be averaged and
 /// fitted linearly.
@@ -21,7 +25,13 @@ struct HeightMap {
   std::vector<float> variance_per_m2;      ///< of inverse_depth_per_m
   std::vector<std::uint8_t> count;         ///< frames in the cell
   std::vector<std::uint8_t> strikes;       ///< frames running that disagreed by more than 3σ
+  std::uint32_t frame = 0;                 ///< counts the updates
+  /// By tile, row-major: the frame in which a cell of it last changed, which is to restart or to gain or lose its
+  /// reading. A cell that is refined does not change.
+  std::vector<std::uint32_t> tile_changed_in;
 
+  int tile_columns() const { return (intrinsics.width + kTileWidth_px - 1) / kTileWidth_px; }
+  int tile_rows() const { return (intrinsics.height + kTileHeight_px - 1) / kTileHeight_px; }
   std::size_t cell(int u, int v) const {
     return static_cast<std::size_t>(v) * static_cast<std::size_t>(intrinsics.width) + static_cast<std::size_t>(u);
   }

@@ -1,6 +1,9 @@
 #pragma once
 
 #include <array>
+#include <cstdint>
+#include <memory>
+#include <span>
 #include <vector>
 
 #include "tubetrack/heightmap/height_map.hpp"
@@ -18,25 +21,27 @@ struct SurfelOptions {
 /// Half sizes of the square windows, in pixels: 7, 13 and 21 px across.
 inline constexpr std::array<int, 3> kWindowHalfSizes_px{3, 6, 10};
 
-/// A least-squares plane w = a·x + b·y + c over a window, w the inverse depth, (x, y) the ray; (a, b, c) is along the
-/// inward normal and 1/|(a, b, c)| is the plane's distance from the camera.
-struct WindowPlane {
-  Eigen::Vector3f inward_normal = Eigen::Vector3f::Zero();  ///< zero where there is no plane
-  Eigen::Vector3f position_m = Eigen::Vector3f::Zero();
-  float angle_sigma_rad = 0.0F;  ///< of the normal, about one axis
+/// Finds the surfels of everything curved like a tube of the wanted radii: each cell with the largest window that
+/// stays on one side of depth edges, gated on convex curvature over its σ, with the band of radii that this curvature
+/// allows. Keeps its buffers, and what did not change, from frame to frame of one map.
+class SurfelFinder {
+ public:
+  SurfelFinder();
+  SurfelFinder(SurfelFinder&&) noexcept;
+  SurfelFinder& operator=(SurfelFinder&&) noexcept;
+  ~SurfelFinder();
+
+  /// In cell order, valid until the next call. `skip`: empty, or one a cell; where it is not 0 no surfel is wanted,
+  /// though the cell still takes part in windows.
+  std::span<const Surfel> find(const HeightMap& map, const NoiseModel& noise, const SurfelOptions& options,
+                               std::span<const std::uint8_t> skip = {});
+
+ private:
+  struct State;
+  std::unique_ptr<State> state_;
 };
 
-/// Planes over windows of half size `half_px`, one a cell, only where the window stays on one side of depth edges.
-/// `edge_distance_px`: see `edge_distances`.
-std::vector<WindowPlane> window_planes(const HeightMap& map, int half_px,
-                                       const std::vector<std::uint8_t>& edge_distance_px);
-
-/// Chessboard distance from each cell to the nearest depth edge or image border, capped at 255. A depth edge is a jump
-/// between neighbours (also across a gap without returns) that neither the noise nor a grazing surface explains.
-std::vector<std::uint8_t> edge_distances(const HeightMap& map, const NoiseModel& noise);
-
-/// Surfels of everything curved like a tube of the wanted radii: each cell with the largest window that fits, gated on
-/// convex curvature over its σ, with the band of radii that this curvature allows. In cell order.
+/// The surfels of one map, by a finder of its own.
 std::vector<Surfel> tube_surfels(const HeightMap& map, const NoiseModel& noise, const SurfelOptions& options);
 
 }  // namespace tubetrack

@@ -1,0 +1,171 @@
+#include "edges.hpp"
+
+#include <algorithm>
+#include <bit>
+#include <cmath>
+
+#undef HWY_TARGET_INCLUDE
+#define HWY_TARGET_INCLUDE "edges.cpp"
+#include <hwy/foreach_target.h>
+// Highway's own header comes after it.
+#include <hwy/highway.h>
+
+HWY_BEFORE_NAMESPACE();
+namespace tubetrack {
+namespace HWY_NAMESPACE {
+namespace {
+
+namespace hn = hwy::HWY_NAMESPACE;
+
+using D = hn::CappedTag<float, 16>;
+using V = hn::Vec<D>;
+
+/// EdgeRule::is_edge for neighbours.
+hn::Mask<D> IsEdge(const EdgeRule& rule, V a, V b) {
+  const D d;
+  const V zero = hn::Zero(d);
+  const V mean = hn::Mul(hn::Set(d, 0.5F), hn::Add(a, b));
+  const V mean2 = hn::Mul(mean, mean);
+  const V product = hn::Mul(a, b);
+  const V jump = hn::Mul(hn::Abs(hn::Sub(b, a)), mean2);
+  const V slope = hn::Mul(hn::Set(d, rule.slope_per_px), mean);
+  const auto both = hn::And(hn::Gt(a, zero), hn::Gt(b, zero));
+  const auto steep = hn::And(both, hn::Gt(jump, hn::Mul(product, slope)));
+  if (hn::AllFalse(d, steep)) return steep;
+  const V off = hn::Sub(hn::Set(d, 1.0F), hn::Mul(hn::Set(d, rule.noise.reference_m), mean));
+  const V gauss = hn::Add(hn::Mul(hn::Set(d, rule.noise.constant_m), mean2),
+                          hn::Mul(hn::Set(d, rule.noise.quadratic_per_m), hn::Mul(off, off)));
+  const V sigma = hn::Sqrt(hn::Add(hn::Mul(gauss, gauss), hn::Set(d, rule.noise.rounding_variance_per_m2)));
+  const V allowed = hn::Mul(product, hn::Add(hn::Mul(hn::Set(d, 4.0F), sigma), slope));
+  return hn::And(steep, hn::Gt(jump, allowed));
+}
+
+std::uint64_t Bits(hn::Mask<D> mask) {
+  std::uint8_t bytes[8] = {};
+  hn::StoreMaskBits(D(), mask, bytes);
+  return bytes[0] | static_cast<std::uint64_t>(bytes[1]) << 8;
+}
+
+/// Edges to the right neighbour and to the row below, and where there are heights; 64 columns a word.
+void EdgesOfRow(const EdgeRule& rule, const std::int32_t* row, const std::int32_t* below, int words,
+                std::uint64_t* valid, std::uint64_t* right, std::uint64_t* down) {
+  const D d;
+  const hn::Rebind<std::int32_t, D> di;
+  const int lanes = static_cast<int>(hn::Lanes(d));
+  const V unit = hn::Set(d, kHeightUnit_per_m);
+  for (int word = 0; word < words; ++word) {
+    std::uint64_t valid_bits = 0;
+    std::uint64_t right_bits = 0;
+    std::uint64_t down_bits = 0;
+    for (int i = 0; i < 64; i += lanes) {
+      const int at = 64 * word + i;
+      const V here = hn::Mul(hn::ConvertTo(d, hn::LoadU(di, row + at)), unit);
+      const V beside = hn::Mul(hn::ConvertTo(d, hn::LoadU(di, row + at + 1)), unit);
+      const V under = hn::Mul(hn::ConvertTo(d, hn::LoadU(di, below + at)), unit);
+      valid_bits |= Bits(hn::Gt(here, hn::Zero(d))) << i;
+      right_bits |= Bits(IsEdge(rule, here, beside)) << i;
+      down_bits |= Bits(IsEdge(rule, here, under)) << i;
+    }
+    valid[word] = valid_bits;
+    right[word] = right_bits;
+    down[word] = down_bits;
+  }
+}
+
+}  // namespace
+}  // namespace HWY_NAMESPACE
+}  // namespace tubetrack
+HWY_AFTER_NAMESPACE();
+
+#if HWY_ONCE
+namespace tubetrack {
+
+HWY_EXPORT(EdgesOfRow);
+
+namespace {
+
+/// Edges across gaps in a row: from each cell before a gap to the next with a height.
+void edges_across_columns(const Heights& heights, const EdgeRule& rule, const BitImage& valid, int v, BitImage& edges) {
+  const std::uint64_t* bits = valid.row(v);
+  const int words = valid.grid.words();
+  for (int i = 0; i < words; ++i) {
+    const std::uint64_t next = i + 1 < words ? bits[i + 1] : 0;
+    std::uint64_t starts = bits[i] & ~(bits[i] >> 1 | next << 63);
+    for (; starts != 0; starts &= starts - 1) {
+      const int u = 64 * i + std::countr_zero(starts) - kMargin_px;
+      for (int gap = 2; gap <= kGapLimit_px && u + gap < valid.grid.width; ++gap) {
+        if (!valid.get(u + gap, v)) continue;
+        const std::size_t at = heights.grid.at(u, v);
+        if (rule.is_edge(heights.height[at], heights.height[at + static_cast<std::size_t>(gap)], gap)) {
+          edges.set(u, v);
+          edges.set(u + gap, v);
+        }
+        break;
+      }
+    }
+  }
+}
+
+/// Edges across gaps in columns, of the cells in row v below or above a gap (`step` −1 or 1: where the gap is).
+void edges_across_rows(const Heights& heights, const EdgeRule& rule, const BitImage& valid, int v, int step,
+                       BitImage& edges) {
+  if (v + step < 0 || v + step >= valid.grid.height) return;
+  const std::uint64_t* bits = valid.row(v);
+  const std::uint64_t* beside = valid.row(v + step);
+  for (int i = 0; i < valid.grid.words(); ++i) {
+    for (std::uint64_t starts = bits[i] & ~beside[i]; starts != 0; starts &= starts - 1) {
+      const int u = 64 * i + std::countr_zero(starts) - kMargin_px;
+      for (int gap = 2; gap <= kGapLimit_px; ++gap) {
+        const int other = v + step * gap;
+        if (other < 0 || other >= valid.grid.height) break;
+        if (!valid.get(u, other)) continue;
+        if (rule.is_edge(heights.height[heights.grid.at(u, v)], heights.height[heights.grid.at(u, other)], gap)) {
+          edges.set(u, v);
+        }
+        break;
+      }
+    }
+  }
+}
+
+}  // namespace
+
+EdgeRule::EdgeRule(const NoiseModel& model, double fx_px)
+    : noise(model), slope_per_px(static_cast<float>(4.7 / fx_px)) {}  // a surface seen at 78° drops 4.7 pixel widths
+
+bool EdgeRule::is_edge(std::int32_t a, std::int32_t b, int gap_px) const {
+  const float wa = static_cast<float>(a) * kHeightUnit_per_m;
+  const float wb = static_cast<float>(b) * kHeightUnit_per_m;
+  const float mean = 0.5F * (wa + wb);
+  const float off = 1.0F - noise.reference_m * mean;
+  const float gauss = noise.constant_m * (mean * mean) + noise.quadratic_per_m * (off * off);
+  const float sigma = std::sqrt(gauss * gauss + noise.rounding_variance_per_m2);
+  // |1/wa − 1/wb| against 4 σ of depth and the slope, times wa wb and mean².
+  const float slope = slope_per_px * static_cast<float>(std::min(gap_px, 3)) * mean;
+  return std::abs(wb - wa) * (mean * mean) > wa * wb * (4.0F * sigma + slope);
+}
+
+void find_edges(const Heights& heights, const EdgeRule& rule, int v_begin, int v_end, Edges& out) {
+  const Grid& grid = heights.grid;
+  const int words = grid.words();
+  for (int v = std::max(0, v_begin - kGapLimit_px); v < std::min(grid.height, v_end + kGapLimit_px); ++v) {
+    const std::int32_t* row = heights.height.data() + grid.at(-kMargin_px, v);
+    const std::int32_t* below = v + 1 < grid.height ? row + grid.stride() : row;
+    HWY_DYNAMIC_DISPATCH(EdgesOfRow)(rule, row, below, words, out.valid.row(v), out.right.row(v), out.down.row(v));
+  }
+  for (int v = v_begin; v < v_end; ++v) {
+    const std::uint64_t* right = out.right.row(v);
+    const std::uint64_t* down = out.down.row(v);
+    const std::uint64_t* above = v > 0 ? out.down.row(v - 1) : nullptr;
+    for (int i = 0; i < words; ++i) {
+      const std::uint64_t from_left = right[i] << 1 | (i > 0 ? right[i - 1] >> 63 : 0);
+      out.edges.row(v)[i] = right[i] | from_left | down[i] | (above ? above[i] : 0);
+    }
+    edges_across_columns(heights, rule, out.valid, v, out.edges);
+    edges_across_rows(heights, rule, out.valid, v, -1, out.edges);
+    edges_across_rows(heights, rule, out.valid, v, 1, out.edges);
+  }
+}
+
+}  // namespace tubetrack
+#endif

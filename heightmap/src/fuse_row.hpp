@@ -1,0 +1,32 @@
+#pragma once
+
+#include <cstdint>
+
+#include "axial_noise.hpp"
+
+namespace tubetrack {
+
+struct FuseOptions {
+  AxialNoise noise;
+  float metres_per_unit = 0.001F;
+  float depth_min_m = 0.0F;
+  float depth_max_m = 0.0F;
+  bool fuse = true;  ///< false: every cell restarts
+};
+
+/// Cells of one row, from the first one on, and the readings that they take.
+struct CellRow {
+  const std::uint16_t* pixels = nullptr;
+  float* depth_m = nullptr;
+  float* inverse_depth_per_m = nullptr;
+  float* variance_per_m2 = nullptr;
+  std::uint8_t* count = nullptr;
+  std::uint8_t* strikes = nullptr;
+};
+
+/// Takes one reading into each of `cells` cells. Where a cell restarts or loses its reading, `tile_changed_in` of its
+/// column of tiles becomes `frame`; the row's first cell is in column `u_first` of the image.
+void fuse_row(const FuseOptions& options, const CellRow& row, int u_first, int cells, std::uint32_t frame,
+              std::uint32_t* tile_changed_in);
+
+}  // namespace tubetrack

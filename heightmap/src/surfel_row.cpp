@@ -1,0 +1,326 @@
+#include "surfel_row.hpp"
+
+#include <algorithm>
+#include <bit>
+#include <cmath>
+
+#undef HWY_TARGET_INCLUDE
+#define HWY_TARGET_INCLUDE "surfel_row.cpp"
+#include <hwy/foreach_target.h>
+// Highway's own header comes after it.
+#include <hwy/highway.h>
+
+HWY_BEFORE_NAMESPACE();
+namespace tubetrack {
+namespace HWY_NAMESPACE {
+namespace {
+
+namespace hn = hwy::HWY_NAMESPACE;
+
+using D = hn::CappedTag<float, 16>;
+using V = hn::Vec<D>;
+using M = hn::Mask<D>;
+
+constexpr float kRoot2 = 1.41421356F;
+
+V Set(float value) {
+  return hn::Set(D(), value);
+}
+
+std::uint64_t Bits(M mask) {
+  std::uint8_t bytes[8] = {};
+  hn::StoreMaskBits(D(), mask, bytes);
+  return bytes[0] | static_cast<std::uint64_t>(bytes[1]) << 8;
+}
+
+M MaskOf(std::uint64_t bits) {
+  const std::uint8_t bytes[8] = {static_cast<std::uint8_t>(bits), static_cast<std::uint8_t>(bits >> 8)};
+  return hn::LoadMaskBits(D(), bytes);
+}
+
+struct V3 {
+  V x, y, z;
+};
+
+V3 Sub(const V3& a, const V3& b) {
+  return {hn::Sub(a.x, b.x), hn::Sub(a.y, b.y), hn::Sub(a.z, b.z)};
+}
+
+V3 Scale(const V3& a, V s) {
+  return {hn::Mul(a.x, s), hn::Mul(a.y, s), hn::Mul(a.z, s)};
+}
+
+V Dot(const V3& a, const V3& b) {
+  return hn::Add(hn::Mul(a.x, b.x), hn::Add(hn::Mul(a.y, b.y), hn::Mul(a.z, b.z)));
+}
+
+V3 Cross(const V3& a, const V3& b) {
+  return {hn::Sub(hn::Mul(a.y, b.z), hn::Mul(a.z, b.y)), hn::Sub(hn::Mul(a.z, b.x), hn::Mul(a.x, b.z)),
+          hn::Sub(hn::Mul(a.x, b.y), hn::Mul(a.y, b.x))};
+}
+
+V3 Select(M mask, const V3& yes, const V3& no) {
+  return {hn::IfThenElse(mask, yes.x, no.x), hn::IfThenElse(mask, yes.y, no.y), hn::IfThenElse(mask, yes.z, no.z)};
+}
+
+/// Where the planes of one image direction are known, and one over the pixels between them.
+struct Between {
+  M before, after, known;
+  V per_px;
+};
+
+Between Spread(V slope_before, V slope_after, int half) {
+  const V limit = Set(0.5F * kNoPlane);
+  const M before = hn::Lt(slope_before, limit);
+  const M after = hn::Lt(slope_after, limit);
+  const float one_sided = 1.0F / static_cast<float>(half);
+  return {before, after, hn::Or(before, after),
+          hn::IfThenElse(hn::And(before, after), Set(0.5F * one_sided), Set(one_sided))};
+}
+
+/// After minus before; the plane in the middle stands in for a side without one.
+V Difference(const Between& between, const float* before, const float* middle, const float* after) {
+  const D d;
+  const V center = hn::LoadU(d, middle);
+  return hn::Sub(hn::IfThenElse(between.after, hn::LoadU(d, after), center),
+                 hn::IfThenElse(between.before, hn::LoadU(d, before), center));
+}
+
+/// Whether the inverse depth bends down in some direction by more than `sigmas` of the second difference's noise: whether
+/// its second derivatives plus that limit are not positive definite.
+M BendsDown(const Neighbourhood& n, int i, const Between& across, const Between& down, float aspect, float sigmas) {
+  const int h = n.half;
+  const float* u = n.row.slope_u + i;
+  const float* v = n.row.slope_v + i;
+  const V per_row = hn::Mul(down.per_px, Set(aspect));
+  const V uu = hn::Mul(Difference(across, u - h, u, u + h), across.per_px);
+  const V vv = hn::Mul(Difference(down, n.above.slope_v + i, v, n.below.slope_v + i), hn::Mul(per_row, Set(aspect)));
+  const V vu = hn::Mul(Difference(across, v - h, v, v + h), hn::Mul(across.per_px, Set(aspect)));
+  const V uv = hn::Mul(Difference(down, n.above.slope_u + i, u, n.below.slope_u + i), per_row);
+  const V mixed = hn::Mul(Set(0.5F), hn::Add(uv, vu));
+  const V limit = hn::Mul(hn::Mul(hn::LoadU(D(), n.row.slope_sigma + i), Set(sigmas * kRoot2)),
+                          hn::Max(across.per_px, down.per_px));
+  const V a = hn::Add(uu, limit);
+  const V b = hn::Add(vv, limit);
+  return hn::Or(hn::Le(a, hn::Zero(D())), hn::Le(hn::Mul(a, b), hn::Mul(mixed, mixed)));
+}
+
+struct Facet {
+  V3 position_m;
+  V3 normal;
+  V norm;        ///< of (a, b, c), one over the plane's distance
+  V px_per_ray;  ///< the larger of both axes
+};
+
+/// Slopes per unit of ray, from those per pixel; (x, y): where the rays are. The larger of the pixels per unit.
+V SlopesOverRays(const SurfelRule& rule, const float* x, const float* y, std::ptrdiff_t stride, V& a, V& b) {
+  if (!rule.distorted) {
+    a = hn::Mul(a, Set(rule.fx_px));
+    b = hn::Mul(b, Set(rule.fy_px));
+    return Set(std::max(rule.fx_px, rule.fy_px));
+  }
+  const D d;
+  const auto half_step = [&](const float* at, std::ptrdiff_t by) {
+    return hn::Mul(Set(0.5F), hn::Sub(hn::LoadU(d, at + by), hn::LoadU(d, at - by)));
+  };
+  const V xu = half_step(x, 1);
+  const V xv = half_step(x, stride);
+  const V yu = half_step(y, 1);
+  const V yv = half_step(y, stride);
+  const V det = hn::Sub(hn::Mul(xu, yv), hn::Mul(xv, yu));
+  const V over_x = hn::Div(hn::Sub(hn::Mul(a, yv), hn::Mul(b, yu)), det);
+  b = hn::Div(hn::Sub(hn::Mul(b, xu), hn::Mul(a, xv)), det);
+  a = over_x;
+  const V per_px2 = hn::Min(hn::Add(hn::Mul(xu, xu), hn::Mul(xv, xv)), hn::Add(hn::Mul(yu, yu), hn::Mul(yv, yv)));
+  return hn::Div(Set(1.0F), hn::Sqrt(per_px2));
+}
+
+/// The plane of cell i, `du` columns aside; `rays_aside`: of its row, relative to the neighbourhood's.
+Facet FacetAt(const SurfelRule& rule, const Neighbourhood& n, const PlaneRow& row, int i, std::ptrdiff_t rays_aside) {
+  const D d;
+  const float* ray_x = n.ray_x + i + rays_aside;
+  const float* ray_y = n.ray_y + i + rays_aside;
+  V a = hn::LoadU(d, row.slope_u + i);
+  V b = hn::LoadU(d, row.slope_v + i);
+  const V px_per_ray = SlopesOverRays(rule, ray_x, ray_y, n.ray_stride, a, b);
+  const V x = hn::LoadU(d, ray_x);
+  const V y = hn::LoadU(d, ray_y);
+  const V w = hn::LoadU(d, row.height + i);
+  const V c = hn::Sub(w, hn::Add(hn::Mul(a, x), hn::Mul(b, y)));
+  const V norm = hn::Sqrt(hn::Add(hn::Mul(a, a), hn::Add(hn::Mul(b, b), hn::Mul(c, c))));
+  const V one = Set(1.0F);
+  const V z = hn::Div(one, w);
+  return {{hn::Mul(x, z), hn::Mul(y, z), z}, Scale({a, b, c}, hn::Div(one, norm)), norm, px_per_ray};
+}
+
+/// Greater curvature (1/m, convex towards the camera positive) and its σ, from how the normal turns between the planes
+/// to either side.
+struct Curvature {
+  M known;
+  V greater_per_m;
+  V sigma_per_m;
+};
+
+Curvature CurvatureOf(const SurfelRule& rule, const Neighbourhood& n, int i, const Facet& middle, const Between& across,
+                      const Between& down) {
+  const int h = n.half;
+  const std::ptrdiff_t rows = h * n.ray_stride;
+  const Facet before = FacetAt(rule, n, n.row, i - h, 0);
+  const Facet after = FacetAt(rule, n, n.row, i + h, 0);
+  const Facet above = FacetAt(rule, n, n.above, i, -rows);
+  const Facet below = FacetAt(rule, n, n.below, i, rows);
+  const auto step = [&](const Between& known, const V3& first, const V3& mid, const V3& second) {
+    return Sub(Select(known.after, second, mid), Select(known.before, first, mid));
+  };
+  const V3 step_u = step(across, before.position_m, middle.position_m, after.position_m);
+  const V3 turn_u = step(across, before.normal, middle.normal, after.normal);
+  const V3 step_v = step(down, above.position_m, middle.position_m, below.position_m);
+  const V3 turn_v = step(down, above.normal, middle.normal, below.normal);
+  // In the tangent plane, the first axis along the step across.
+  const V out_of_plane = Dot(middle.normal, step_u);
+  const V3 flat = Sub(step_u, Scale(middle.normal, out_of_plane));
+  const V length_u = hn::Sqrt(Dot(flat, flat));
+  const V3 e1 = Scale(flat, hn::Div(Set(1.0F), length_u));
+  const V3 e2 = Cross(middle.normal, e1);
+  const V s01 = Dot(e1, step_v);
+  const V s11 = Dot(e2, step_v);
+  const V length_v = hn::Sqrt(hn::Add(hn::Mul(s01, s01), hn::Mul(s11, s11)));
+  const V det = hn::Mul(length_u, s11);
+  const M known = hn::Ge(hn::Abs(det), hn::Mul(Set(1e-3F), hn::Mul(length_u, length_v)));
+  // Inward normals of a convex surface converge, so the shape operator is the negative of turns × steps⁻¹.
+  const V inverse = hn::Div(Set(-1.0F), det);
+  const auto row_of_shape = [&](const V3& e, V& first, V& second) {
+    const V t0 = Dot(e, turn_u);
+    const V t1 = Dot(e, turn_v);
+    first = hn::Mul(hn::Mul(t0, s11), inverse);
+    second = hn::Mul(hn::Sub(hn::Mul(t1, length_u), hn::Mul(t0, s01)), inverse);
+  };
+  V k00, k01, k10, k11;
+  row_of_shape(e1, k00, k01);
+  row_of_shape(e2, k10, k11);
+  const V half = Set(0.5F);
+  const V mean = hn::Mul(half, hn::Add(k00, k11));
+  const V off = hn::Mul(half, hn::Add(k01, k10));
+  const V side = hn::Mul(half, hn::Sub(k00, k11));
+  const V spread = hn::Sqrt(hn::Add(hn::Mul(side, side), hn::Mul(off, off)));
+  const V slope_sigma = hn::Mul(hn::LoadU(D(), n.row.slope_sigma + i), middle.px_per_ray);
+  const V angle_sigma = hn::Div(hn::Mul(slope_sigma, Set(kRoot2)), middle.norm);
+  return {known, hn::Add(mean, spread), hn::Div(angle_sigma, hn::Min(length_u, length_v))};
+}
+
+/// The lanes of surfels, on their way from vectors to structs.
+struct Lanes {
+  alignas(64) float x[16], y[16], z[16], nx[16], ny[16], nz[16], sigma[16], low[16], high[16];
+
+  void write(std::uint64_t bits, std::uint32_t first_cell, Surfel* at_cell) const {
+    for (; bits != 0; bits &= bits - 1) {
+      const int i = std::countr_zero(bits);
+      Surfel& surfel = at_cell[first_cell + static_cast<std::uint32_t>(i)];
+      surfel.position_m = {x[i], y[i], z[i]};
+      surfel.inward_normal = {nx[i], ny[i], nz[i]};
+      surfel.sigma_m = sigma[i];
+      surfel.radius_min_m = low[i];
+      surfel.radius_max_m = high[i];
+      surfel.cell = first_cell + static_cast<std::uint32_t>(i);
+    }
+  }
+};
+
+/// The careful gate on cells that bend down. Bits of the lanes that are surfels, their values in `lanes`.
+std::uint64_t Surfels(const SurfelRule& rule, const Neighbourhood& n, int i, M candidates, const Between& across,
+                      const Between& down, Lanes& lanes) {
+  const D d;
+  const Facet middle = FacetAt(rule, n, n.row, i, 0);
+  const Curvature k = CurvatureOf(rule, n, i, middle, across, down);
+  const V z = middle.position_m.z;
+  const V half_m = hn::Mul(z, Set(static_cast<float>(n.half) / rule.fx_px));
+  const V two_sigma = hn::Mul(Set(2.0F), k.sigma_per_m);
+  const V low = hn::Div(Set(0.8F), hn::Add(k.greater_per_m, two_sigma));
+  const V high = hn::Div(Set(1.25F), hn::Sub(k.greater_per_m, two_sigma));
+  M good = hn::And(candidates, hn::And(k.known, hn::Ge(k.greater_per_m, hn::Mul(Set(rule.gate_sigmas), k.sigma_per_m))));
+  good = hn::And(good, hn::Le(hn::Mul(k.greater_per_m, half_m), Set(0.8F)));  // no wider than the tube it suggests
+  good = hn::And(good, hn::And(hn::Ge(high, Set(rule.radius_min_m)), hn::Le(low, Set(rule.radius_max_m))));
+  const std::uint64_t bits = Bits(good);
+  if (bits == 0) return 0;
+  const V off = hn::Sub(z, Set(rule.noise.reference_m));
+  const V gauss = hn::Add(Set(rule.noise.constant_m), hn::Mul(Set(rule.noise.quadratic_per_m), hn::Mul(off, off)));
+  const V z2 = hn::Mul(z, z);
+  const V rounding = hn::Mul(hn::Mul(z2, z2), Set(rule.noise.rounding_variance_per_m2));
+  hn::StoreU(middle.position_m.x, d, lanes.x);
+  hn::StoreU(middle.position_m.y, d, lanes.y);
+  hn::StoreU(z, d, lanes.z);
+  hn::StoreU(middle.normal.x, d, lanes.nx);
+  hn::StoreU(middle.normal.y, d, lanes.ny);
+  hn::StoreU(middle.normal.z, d, lanes.nz);
+  hn::StoreU(hn::Sqrt(hn::Add(hn::Mul(gauss, gauss), rounding)), d, lanes.sigma);
+  hn::StoreU(hn::Max(low, Set(rule.radius_min_m)), d, lanes.low);
+  hn::StoreU(hn::Min(high, Set(rule.radius_max_m)), d, lanes.high);
+  return bits;
+}
+
+/// Columns are those of the planes: [begin, end) of them, the first at padded column `padded_begin` and map cell `cell`.
+void SurfelsOfRow(const SurfelRule& rule, const Neighbourhood& n, int begin, int end, int padded_begin,
+                  std::int64_t cell, std::uint64_t* found, Surfel* at_cell) {
+  const D d;
+  const int step = static_cast<int>(hn::Lanes(d));
+  const std::uint64_t lane_bits = (std::uint64_t{1} << step) - 1;
+  const float aspect = rule.fy_px / rule.fx_px;
+  const float screen = rule.screen_sigmas * std::max(1.0F, aspect);
+  Lanes lanes;
+  for (int i = begin; i < end; i += step) {
+    const V here = hn::LoadU(d, n.row.slope_u + i);
+    M open = hn::Lt(here, Set(0.5F * kNoPlane));
+    if (hn::AllFalse(d, open)) continue;
+    const int padded = padded_begin + i - begin;
+    std::uint64_t& word = found[padded / 64];
+    const int shift = padded % 64;
+    open = hn::And(open, MaskOf(~word >> shift & lane_bits));
+    const Between across =
+        Spread(hn::LoadU(d, n.row.slope_u + i - n.half), hn::LoadU(d, n.row.slope_u + i + n.half), n.half);
+    const Between down = Spread(hn::LoadU(d, n.above.slope_u + i), hn::LoadU(d, n.below.slope_u + i), n.half);
+    open = hn::And(open, hn::And(across.known, down.known));
+    if (hn::AllFalse(d, open)) continue;
+    open = hn::And(open, BendsDown(n, i, across, down, aspect, screen));
+    if (hn::AllFalse(d, open)) continue;
+    const std::uint64_t bits = Surfels(rule, n, i, open, across, down, lanes);
+    if (bits == 0) continue;
+    word |= bits << shift;
+    lanes.write(bits, static_cast<std::uint32_t>(cell + i - begin), at_cell);
+  }
+}
+
+}  // namespace
+}  // namespace HWY_NAMESPACE
+}  // namespace tubetrack
+HWY_AFTER_NAMESPACE();
+
+#if HWY_ONCE
+namespace tubetrack {
+
+HWY_EXPORT(SurfelsOfRow);
+
+SurfelRule::SurfelRule(const Intrinsics& in, float longest_ray2, const NoiseModel& model, const SurfelOptions& options)
+    : noise(model),
+      fx_px(static_cast<float>(in.fx_px)),
+      fy_px(static_cast<float>(in.fy_px)),
+      distorted(in.has_distortion()),
+      gate_sigmas(static_cast<float>(options.gate_sigmas)),
+      screen_sigmas(gate_sigmas / std::sqrt(1.0F + longest_ray2)),
+      radius_min_m(static_cast<float>(options.radius_min_m)),
+      radius_max_m(static_cast<float>(options.radius_max_m)) {}
+
+void surfels_of_row(const SurfelRule& rule, PlaneRing& planes, const RayTable& rays, int v, int u_begin, int u_end,
+                    BitImage& found, Surfel* at_cell) {
+  const Grid& grid = found.grid;
+  const int begin = planes.index(u_begin);
+  const auto ray_at = static_cast<std::ptrdiff_t>(RayTable::at(grid, u_begin, v)) - begin;
+  const int half = planes.half_px();
+  const Neighbourhood n{planes.row(v),          planes.row(v - half),  planes.row(v + half), rays.x.data() + ray_at,
+                        rays.y.data() + ray_at, grid.stride(),         half};
+  const std::int64_t cell = static_cast<std::int64_t>(v) * grid.width + u_begin;
+  HWY_DYNAMIC_DISPATCH(SurfelsOfRow)
+  (rule, n, begin, planes.index(u_end), u_begin + kMargin_px, cell, found.row(v), at_cell);
+}
+
+}  // namespace tubetrack
+#endif

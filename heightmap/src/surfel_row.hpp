@@ -1,0 +1,52 @@
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "axial_noise.hpp"
+#include "bit_image.hpp"
+#include "tubetrack/heightmap/normals.hpp"
+#include "window_planes.hpp"
+
+namespace tubetrack {
+
+/// Ray of every padded cell; a row of zeros before the first and after the last.
+struct RayTable {
+  std::vector<float> x;
+  std::vector<float> y;
+
+  static std::size_t at(const Grid& grid, int u, int v) { return grid.at(u, v + 1); }
+};
+
+struct SurfelRule {
+  AxialNoise noise;
+  float fx_px = 0.0F;
+  float fy_px = 0.0F;
+  bool distorted = false;
+  float gate_sigmas = 0.0F;
+  /// The gate on second differences in the image, before any normal is computed. A ray aside meets a surface that leans
+  /// its way in shorter steps, which is all by which the careful gate can be laxer than this one at gate_sigmas.
+  float screen_sigmas = 0.0F;
+  float radius_min_m = 0.0F;
+  float radius_max_m = 0.0F;
+
+  /// `longest_ray2`: the square of the longest (x/z, y/z).
+  SurfelRule(const Intrinsics& in, float longest_ray2, const NoiseModel& model, const SurfelOptions& options);
+  bool operator==(const SurfelRule&) const = default;
+};
+
+/// What the cells of a row are computed from: the planes in its row and half a window above and below.
+struct Neighbourhood {
+  PlaneRow row, above, below;
+  const float* ray_x;  ///< of the row
+  const float* ray_y;
+  std::ptrdiff_t ray_stride;
+  int half;
+};
+
+/// Surfels from the planes of one size in row `v`, columns [u_begin, u_end): where `found` has no bit yet and the
+/// curvature passes the gate. Sets the bits of `found`, and the surfels in `at_cell` (by cell of the map).
+void surfels_of_row(const SurfelRule& rule, PlaneRing& planes, const RayTable& rays, int v, int u_begin, int u_end,
+                    BitImage& found, Surfel* at_cell);
+
+}  // namespace tubetrack

@@ -1,0 +1,103 @@
+#include "window_sums.hpp"
+
+#include <algorithm>
+
+#undef HWY_TARGET_INCLUDE
+#define HWY_TARGET_INCLUDE "window_sums.cpp"
+#include <hwy/foreach_target.h>
+// Highway's own header comes after it.
+#include <hwy/highway.h>
+
+HWY_BEFORE_NAMESPACE();
+namespace tubetrack {
+namespace HWY_NAMESPACE {
+namespace {
+
+namespace hn = hwy::HWY_NAMESPACE;
+
+// Running sums go from lane to lane: four at a time on every target that has as many.
+using D = hn::CappedTag<std::uint32_t, 4>;
+using V = hn::Vec<D>;
+
+/// Running sums within the vector, the carry added and moved on.
+V Prefix(V v, V& carry) {
+#if HWY_TARGET == HWY_SCALAR
+  carry = hn::Add(v, carry);
+  return carry;
+#else
+  v = hn::Add(v, hn::ShiftLeftLanes<1>(v));
+  v = hn::Add(v, hn::ShiftLeftLanes<2>(v));
+  v = hn::Add(v, carry);
+  carry = hn::Broadcast<3>(v);
+  return v;
+#endif
+}
+
+/// One row of the table. `above`, `below`: the row's start and its next in each channel, `stride` apart.
+void AddRow(const std::int32_t* height, const std::int32_t* variance, int u_begin, int v, int columns, bool holes,
+            const std::uint32_t* above, std::uint32_t* below, std::size_t stride) {
+  const D d;
+  const V row = hn::Set(d, static_cast<std::uint32_t>(v));
+  const V one = hn::Set(d, 1U);
+  const auto add = [&](int channel, int i, V sums) {
+    const std::size_t at = static_cast<std::size_t>(channel) * stride + static_cast<std::size_t>(i) + 1;
+    hn::StoreU(hn::Add(hn::LoadU(d, above + at), sums), d, below + at);
+  };
+  V carry[6] = {hn::Zero(d), hn::Zero(d), hn::Zero(d), hn::Zero(d), hn::Zero(d), hn::Zero(d)};
+  for (int c = 0; c < (holes ? kSumChannels : kSumChannelsWithoutHoles); ++c) {
+    below[static_cast<std::size_t>(c) * stride] = 0;
+  }
+  for (int i = 0; i < columns; i += static_cast<int>(hn::Lanes(d))) {
+    const V u = hn::Iota(d, static_cast<std::uint32_t>(u_begin + i));
+    const V h = hn::LoadU(d, reinterpret_cast<const std::uint32_t*>(height + i));
+    const V sum_h = Prefix(h, carry[0]);
+    add(kH, i, sum_h);
+    add(kVH, i, hn::Mul(row, sum_h));
+    add(kUH, i, Prefix(hn::Mul(u, h), carry[1]));
+    add(kVariance, i, Prefix(hn::LoadU(d, reinterpret_cast<const std::uint32_t*>(variance + i)), carry[2]));
+    if (!holes) continue;
+    const V n = hn::Min(h, one);
+    const V nu = hn::Mul(n, u);
+    const V sum_n = Prefix(n, carry[3]);
+    const V sum_u = Prefix(nu, carry[4]);
+    add(kCount, i, sum_n);
+    add(kU, i, sum_u);
+    add(kUU, i, Prefix(hn::Mul(nu, u), carry[5]));
+    add(kUV, i, hn::Mul(row, sum_u));
+    const V sum_v = hn::Mul(row, sum_n);
+    add(kV, i, sum_v);
+    add(kVV, i, hn::Mul(row, sum_v));
+  }
+}
+
+}  // namespace
+}  // namespace HWY_NAMESPACE
+}  // namespace tubetrack
+HWY_AFTER_NAMESPACE();
+
+#if HWY_ONCE
+namespace tubetrack {
+
+HWY_EXPORT(AddRow);
+
+void WindowSums::start(int u_begin, int columns, int v_begin, bool holes) {
+  u_begin_ = u_begin;
+  columns_ = columns;
+  v_end_ = v_begin;
+  channels_ = holes ? kSumChannels : kSumChannelsWithoutHoles;
+  stride_ = static_cast<std::size_t>(columns) + 16;
+  if (ring_.size() < kRows * kSumChannels * stride_) ring_.resize(kRows * kSumChannels * stride_);
+  for (int c = 0; c < channels_; ++c) std::fill_n(ring_.begin() + static_cast<std::ptrdiff_t>(offset(v_begin, c)), stride_, 0U);
+}
+
+void WindowSums::advance(const Heights& heights, int v_end) {
+  for (; v_end_ < v_end; ++v_end_) {
+    const std::size_t at = heights.grid.at(u_begin_, v_end_);
+    HWY_DYNAMIC_DISPATCH(AddRow)
+    (heights.height.data() + at, heights.variance.data() + at, u_begin_, v_end_, columns_, holes(),
+     ring_.data() + offset(v_end_, 0), ring_.data() + offset(v_end_ + 1, 0), stride_);
+  }
+}
+
+}  // namespace tubetrack
+#endif
