@@ -158,21 +158,28 @@ void add_options(CLI::App& app, Options& options) {
   app.add_option("--cpu", options.about.cpu, "for the page");
 }
 
-}  // namespace
-}  // namespace tubetrack::bench
-
-int main(int argc, char** argv) {
-  using namespace tubetrack::bench;
+int run_command_line(int argc, char** argv) {
   Options options;
   CLI::App app{"Random scenes with known tubes: how accurate the tracker is, how sure, how fast."};
   app.footer(kFooter);
   add_options(app, options);
-  CLI11_PARSE(app, argc, argv);
   try {
-    options.list ? list_rows() : run(options);
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& problem) {
+    return app.exit(problem) == 0 ? 0 : 2;
+  }
+  options.list ? list_rows() : run(options);
+  return 0;
+}
+
+}  // namespace
+}  // namespace tubetrack::bench
+
+int main(int argc, char** argv) {
+  try {
+    return tubetrack::bench::run_command_line(argc, argv);
   } catch (const std::exception& problem) {
-    fmt::print(stderr, "accuracy_suite: {}\n", problem.what());
+    std::fprintf(stderr, "accuracy_suite: %s\n", problem.what());
     return 1;
   }
-  return 0;
 }

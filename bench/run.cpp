@@ -84,7 +84,7 @@ void add_bounds(const Shot& shot, Figures& figures) {
     }
   }
   for (const TubeError& tube : figures.calibration.tubes) {
-    if (tube.true_id == 0) continue;
+    if (tube.true_id == 0 || tube.radius_sigma_m <= 0.0) continue;
     const double bound_m = shot.bounds[static_cast<std::size_t>(tube.true_id) - 1].radius_sigma_m;
     if (!std::isfinite(bound_m)) continue;
     figures.radius_sigma_over_bound.push_back(tube.radius_sigma_m / bound_m);
@@ -137,6 +137,7 @@ void run_single(const SuiteScene& suite, const std::vector<Method>& methods, con
 void run_sequence(const SuiteScene& suite, const std::vector<Method>& methods, const RunOptions& options,
                   std::vector<RowResult>& out) {
   std::vector<Detector> detectors;
+  detectors.reserve(methods.size());
   for (const Method& method : methods)
     detectors.push_back(method.follows ? method.start(suite.scene.camera) : Detector());
   std::vector<TruthFrame> truth;
