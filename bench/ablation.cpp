@@ -35,7 +35,8 @@ std::vector<std::pair<std::string, DepthNoise>> steps() {
 
 }  // namespace
 
-std::vector<AblationStep> run_ablation(int scenes, std::uint64_t first_seed, const std::function<void()>& progress) {
+std::vector<AblationStep> run_ablation(int scenes, std::uint64_t first_seed, int jobs,
+                                       const std::function<void()>& progress) {
   std::vector<AblationStep> done;
   for (const auto& [name, noise] : steps()) {
     AblationStep step{name, {}};
@@ -45,6 +46,7 @@ std::vector<AblationStep> run_ablation(int scenes, std::uint64_t first_seed, con
       options.noise = noise;
       options.first_seed = first_seed;
       options.single_scenes = scenes;
+      options.jobs = jobs;
       add(step.figures, run_row(row, {tubetrack_method()}, options, progress).front().single);
     }
     done.push_back(std::move(step));

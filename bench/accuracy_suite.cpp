@@ -38,6 +38,8 @@ struct Options {
   int sequences = 0;
   int random = -1;
   int ablation = 0;
+  int jobs = 1;
+  double bound_piece = 1.0;
   bool peers = false;
   bool list = false;
   std::string page;
@@ -65,6 +67,8 @@ RunOptions run_options(const Options& options, const Row& row) {
   run.first_seed = first_seed(options);
   run.single_scenes = row.single_shots && options.random >= 0 ? options.random : options.count;
   run.sequences = options.sequences;
+  run.jobs = options.jobs;
+  run.bound_piece_radii = 2.0 * options.bound_piece;
   return run;
 }
 
@@ -107,6 +111,8 @@ void run(const Options& options) {
   report.about = options.about;
   report.about.suite = options.suite;
   report.about.first_seed = first_seed(options);
+  report.about.bound_piece_diameters = options.bound_piece;
+  report.about.jobs = options.jobs;
   for (const Method& method : methods) report.methods.push_back(method.name);
   fmt::print("{}", plain_header());
   for (const Row& row : chosen_rows(options)) {
@@ -115,7 +121,7 @@ void run(const Options& options) {
       print_lines(row.name, methods[i].name, report.rows.back().by_method[i]);
   }
   if (options.ablation > 0) {
-    report.ablation = run_ablation(options.ablation, first_seed(options), progress_of("noise in parts"));
+    report.ablation = run_ablation(options.ablation, first_seed(options), options.jobs, progress_of("noise in parts"));
     for (const AblationStep& step : report.ablation) fmt::print("{}", plain_line(step.noise, "single", step.figures));
   }
   if (!options.page.empty()) write_page(options, report);
@@ -136,6 +142,12 @@ void add_options(CLI::App& app, Options& options) {
   app.add_option("--ablation", options.ablation,
                  "also with parts of the noise switched off: scenes a step (default: 0)")
       ->check(CLI::Range(0, 10000));
+  app.add_option("--jobs", options.jobs,
+                 "scenes at the same time; more than one makes the times worthless (default: 1)")
+      ->check(CLI::Range(1, 256));
+  app.add_option("--bound-piece", options.bound_piece,
+                 "piece of centreline the Cramer-Rao bound is for, in tube diameters (default: 1)")
+      ->check(CLI::Range(0.1, 100.0));
   app.add_option("--first", options.first, "start at this scene of the suite (default: 0)")
       ->check(CLI::Range(0, 400000));
   app.add_flag("--peers", options.peers, "run PCL and CGAL on the same single frames, where built in");
@@ -146,21 +158,28 @@ void add_options(CLI::App& app, Options& options) {
   app.add_option("--cpu", options.about.cpu, "for the page");
 }
 
-}  // namespace
-}  // namespace tubetrack::bench
-
-int main(int argc, char** argv) {
-  using namespace tubetrack::bench;
+int run_command_line(int argc, char** argv) {
   Options options;
   CLI::App app{"Random scenes with known tubes: how accurate the tracker is, how sure, how fast."};
   app.footer(kFooter);
   add_options(app, options);
-  CLI11_PARSE(app, argc, argv);
   try {
-    options.list ? list_rows() : run(options);
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& problem) {
+    return app.exit(problem) == 0 ? 0 : 2;
+  }
+  options.list ? list_rows() : run(options);
+  return 0;
+}
+
+}  // namespace
+}  // namespace tubetrack::bench
+
+int main(int argc, char** argv) {
+  try {
+    return tubetrack::bench::run_command_line(argc, argv);
   } catch (const std::exception& problem) {
-    fmt::print(stderr, "accuracy_suite: {}\n", problem.what());
+    std::fprintf(stderr, "accuracy_suite: %s\n", problem.what());
     return 1;
   }
-  return 0;
 }

@@ -10,9 +10,9 @@ namespace tubetrack::bench {
 namespace {
 
 std::string judged(double value, bool asked, bool met, double unit, int digits) {
-  const std::string text = number(value / unit, digits);
-  if (!asked || !std::isfinite(value)) return text;
-  return text + (met ? " ✓" : " ✗");
+  std::string text = number(value / unit, digits);
+  if (asked && std::isfinite(value)) text += met ? " ✓" : " ✗";
+  return text;
 }
 
 }  // namespace

@@ -4,6 +4,8 @@
 
 #include <iterator>
 
+#include "markdown.hpp"
+
 namespace tubetrack::bench {
 
 namespace {
@@ -24,13 +26,13 @@ tracked with the default configuration: the radius is not told. Coverage, RMS, f
   doesn't average out. Positive is too near, and too thick.
 - **truth inside 95 %**: for every node flagged visible, the error across the true centreline, in the reported
   covariance's units, is χ² with two degrees of freedom; counted is what stays below 5.99. For radii: within 1.96 σ.
-- **bound** is the Cramér-Rao bound: no unbiased estimate has a smaller error. It takes the exact geometry, one reading
-  with the noise model's σ (at the true incidence, lateral jitter included) for each pixel with a return that sees the
-  tube at less than 75°, and asks how well a piece of centreline one diameter long can be placed across the tube when
-  its shape is known, the radius is one unknown number for the whole tube, and nothing else helps. A tracker that
-  smooths over more than a diameter can fall below it. The column *bound* is the root mean square of both axes together,
-  beside the RMS; *σ / bound* compares the larger axis of each node with that of its piece.
-- a frame's time is that of the whole call, on one thread, with nothing else measured in it.
+- **bound** is the Cramér-Rao bound: no unbiased estimate has a smaller error. It takes the exact geometry and one
+  reading, with the noise model's σ at the true incidence (lateral jitter included), for each pixel with a return that
+  sees the tube at less than 75°. It asks how well a piece of centreline can be placed across the tube when the piece's
+  shape is known, the radius is one unknown number for the whole tube, and nothing else helps. The column *bound* is the
+  root mean square of both axes together, beside the RMS; *σ / bound* compares the larger axis of each node with that of
+  its piece.
+- a frame's time is that of the whole call, on one thread.
 
 The seeds of this page (`held-out`, from 1000001) are not those that `accuracy_suite` shows by default (`tuning`, from 1).
 )";
@@ -43,6 +45,22 @@ parts are off. A bias that a part brings shows as the difference between "withou
 leaves none.
 
 )";
+
+/// The bound's piece beside the tracker's own smoothing, which it has to be like.
+std::string piece_text(const Report& report) {
+  Calibration usual;
+  for (const RowReport& row : report.rows) {
+    if (row.row.name != "straight" && row.row.name != "bent" && !row.row.single_shots) continue;
+    const auto& nodes = row.by_method.front().single.calibration.nodes;
+    usual.nodes.insert(usual.nodes.end(), nodes.begin(), nodes.end());
+  }
+  return fmt::format(
+      "The bound's pieces are {:g} diameters long. The tracker's own smoothing, by how far errors sideways are alike "
+      "(rows `straight`, `bent`, `random`): {} diameters. A tracker that smooths over more than the pieces can fall "
+      "below "
+      "the bound; one that smooths over less can't reach it.\n\n",
+      report.about.bound_piece_diameters, number(0.5 * smoothing_radii(usual), 1));
+}
 
 std::string head(const Report& report) {
   std::string methods;
@@ -67,7 +85,7 @@ std::string page(const Report& report) {
           goals_table(report));
   section("The rows", "", rows_table(report));
   text += kHowMeasured;
-  text += "\n";
+  text += "\n" + piece_text(report);
   section("One frame", "A fresh tracker for each frame.\n\n", single_table(report));
   section("Thirty frames", "All frames of the sequences.\n\n", sequence_table(report));
   section("The thirtieth frame", "The last frame of each sequence alone (`leaving`: the 45th).\n\n",

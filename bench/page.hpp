@@ -15,6 +15,8 @@ struct About {
   std::string cpu;
   std::string suite;
   std::uint64_t first_seed = 0;
+  double bound_piece_diameters = 1.0;
+  int jobs = 1;
 };
 
 /// A row by every method; the first is tubetrack.

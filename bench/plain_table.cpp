@@ -26,6 +26,7 @@ std::string plain_line(std::string_view row, std::string_view what, const Figure
   const Calibration& c = f.calibration;
   const auto radii_m = radius_errors_m(c);
   std::vector<double> sigmas;
+  sigmas.reserve(c.nodes.size());
   for (const NodeError& node : c.nodes) sigmas.push_back(node.sigma_m);
   const StageTimes s = median_stages(f.stages);
   std::string text;

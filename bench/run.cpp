@@ -1,10 +1,13 @@
 #include "run.hpp"
 
-#include <algorithm>
+#include <atomic>
 #include <chrono>
 #include <cmath>
+#include <exception>
 #include <memory>
+#include <mutex>
 #include <stdexcept>
+#include <thread>
 
 #include "tubetrack/tracker/tube_tracker.hpp"
 
@@ -81,7 +84,7 @@ void add_bounds(const Shot& shot, Figures& figures) {
     }
   }
   for (const TubeError& tube : figures.calibration.tubes) {
-    if (tube.true_id == 0) continue;
+    if (tube.true_id == 0 || tube.radius_sigma_m <= 0.0) continue;
     const double bound_m = shot.bounds[static_cast<std::size_t>(tube.true_id) - 1].radius_sigma_m;
     if (!std::isfinite(bound_m)) continue;
     figures.radius_sigma_over_bound.push_back(tube.radius_sigma_m / bound_m);
@@ -134,6 +137,7 @@ void run_single(const SuiteScene& suite, const std::vector<Method>& methods, con
 void run_sequence(const SuiteScene& suite, const std::vector<Method>& methods, const RunOptions& options,
                   std::vector<RowResult>& out) {
   std::vector<Detector> detectors;
+  detectors.reserve(methods.size());
   for (const Method& method : methods)
     detectors.push_back(method.follows ? method.start(suite.scene.camera) : Detector());
   std::vector<TruthFrame> truth;
@@ -161,6 +165,32 @@ void run_sequence(const SuiteScene& suite, const std::vector<Method>& methods, c
   }
 }
 
+/// Calls `work` for 0 … count − 1 from so many threads; the first exception is thrown on when all have stopped.
+void in_parallel(int jobs, std::size_t count, const std::function<void(std::size_t)>& work,
+                 const std::function<void()>& after_each) {
+  std::atomic<std::size_t> next = 0;
+  std::mutex mutex;
+  std::exception_ptr problem;
+  const auto worker = [&] {
+    for (std::size_t place = next++; place < count; place = next++) {
+      try {
+        work(place);
+        const std::lock_guard lock(mutex);
+        after_each();
+      } catch (...) {
+        const std::lock_guard lock(mutex);
+        problem = problem ? problem : std::current_exception();
+        next = count;
+      }
+    }
+  };
+  std::vector<std::thread> others;
+  for (int i = 1; i < jobs; ++i) others.emplace_back(worker);
+  worker();
+  for (std::thread& other : others) other.join();
+  if (problem) std::rethrow_exception(problem);
+}
+
 }  // namespace
 
 Method tubetrack_method() {
@@ -174,15 +204,26 @@ Method tubetrack_method() {
 
 std::vector<RowResult> run_row(const Row& row, const std::vector<Method>& methods, const RunOptions& options,
                                const std::function<void()>& progress) {
+  const int sequences = row.frames > 0 ? options.sequences : 0;
+  std::vector<std::vector<RowResult>> by_scene(static_cast<std::size_t>(options.single_scenes + sequences),
+                                               std::vector<RowResult>(methods.size()));
+  in_parallel(
+      options.jobs, by_scene.size(),
+      [&](std::size_t place) {
+        const bool single = place < static_cast<std::size_t>(options.single_scenes);
+        const std::uint64_t seed =
+            single ? place : kSequenceSeeds + place - static_cast<std::size_t>(options.single_scenes);
+        const SuiteScene scene = make_scene(row, options.first_seed + seed);
+        (single ? run_single : run_sequence)(scene, methods, options, by_scene[place]);
+      },
+      progress);
   std::vector<RowResult> out(methods.size());
-  for (int i = 0; i < options.single_scenes; ++i) {
-    run_single(make_scene(row, options.first_seed + static_cast<std::uint64_t>(i)), methods, options, out);
-    progress();
-  }
-  for (int i = 0; row.frames > 0 && i < options.sequences; ++i) {
-    const std::uint64_t seed = options.first_seed + kSequenceSeeds + static_cast<std::uint64_t>(i);
-    run_sequence(make_scene(row, seed), methods, options, out);
-    progress();
+  for (const auto& scene : by_scene) {
+    for (std::size_t i = 0; i < methods.size(); ++i) {
+      add(out[i].single, scene[i].single);
+      add(out[i].sequence, scene[i].sequence);
+      add(out[i].last, scene[i].last);
+    }
   }
   return out;
 }

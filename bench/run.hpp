@@ -27,6 +27,7 @@ struct RunOptions {
   std::uint64_t first_seed = 1;
   int single_scenes = 5;
   int sequences = 0;
+  int jobs = 1;                    ///< scenes at the same time; more than one disturbs the times
   double bound_piece_radii = 2.0;  ///< length of the pieces of the Cramér-Rao bound, in tube radii
 };
 
@@ -37,7 +38,8 @@ struct RowResult {
   Figures last;      ///< their last frames alone
 };
 
-/// Every method on the same frames; in the order of `methods`. `progress` is called after every scene.
+/// Every method on the same frames; in the order of `methods`. `progress` is called after every scene, by one
+/// thread at a time.
 std::vector<RowResult> run_row(const Row& row, const std::vector<Method>& methods, const RunOptions& options,
                                const std::function<void()>& progress);
 

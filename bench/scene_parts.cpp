@@ -140,7 +140,7 @@ SceneTube random_bent(Dice& dice, double radius_m, double depth_m) {
           tube.parts.push_back(TubePart::straight(dice.uniform(0.05, 0.18)));
         }
         const std::vector<Vector3d> points = course(tube);
-        const Vector3d middle = points[points.size() / 2];
+        const Vector3d& middle = points[points.size() / 2];
         tube.start_m = Vector3d(dice.uniform(-0.15, 0.15), dice.uniform(-0.12, 0.12), depth_m) - middle;
         return tube;
       },

@@ -2,9 +2,11 @@
 
 #include <Eigen/LU>
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 #include <optional>
+#include <utility>
 
 namespace tubetrack {
 
@@ -59,16 +61,21 @@ double chi2_across(const Eigen::Vector3d& error_m, const Eigen::Vector3d& along,
 void add_nodes(Calibration& calibration, const TrueTube& truth, const Tube& tube,
                const Eigen::Isometry3d& camera_from_truth, const ScoreRules& rules) {
   const Eigen::Vector3d camera = camera_from_truth.inverse().translation();
+  bool first = true;
   for (std::size_t i = 0; i < tube.node_covariance_m2.size(); ++i) {
     if (i < tube.node_visible.size() && !tube.node_visible[i]) continue;
     const LineFoot foot = foot_on_line(tube.centerline_m[i], truth.centerline_m);
     if (foot.beyond_end || foot.distance_m > rules.false_beyond_radii * truth.radius_m) continue;
     const Eigen::Vector3d error = tube.centerline_m[i] - foot.point_m;
     NodeError node;
+    node.first = std::exchange(first, false);
     node.true_id = truth.id;
     node.true_radius_m = truth.radius_m;
     node.true_point_m = camera_from_truth * foot.point_m;
-    node.toward_camera_m = error.dot((camera - foot.point_m).normalized());
+    const Eigen::Vector3d toward = (camera - foot.point_m).normalized();
+    node.from_start_m = foot.from_start_m;
+    node.toward_camera_m = error.dot(toward);
+    node.sideways_m = error.dot(foot.along.cross(toward).normalized());
     node.sigma_m = i < tube.sigma_m.size() ? tube.sigma_m[i] : 0.0;
     node.chi2 = chi2_across(error, foot.along, tube.node_covariance_m2[i]);
     calibration.nodes.push_back(node);
@@ -114,6 +121,33 @@ void add_frame(Calibration& calibration, const TruthFrame& truth, const TubeFram
     }
     calibration.tubes.push_back(error);
   }
+}
+
+double smoothing_radii(const Calibration& calibration) {
+  constexpr double kBin_radii = 0.5;
+  constexpr std::size_t kBins = 60;
+  std::array<double, kBins> product{};
+  std::array<double, kBins> count{};
+  const auto& nodes = calibration.nodes;
+  for (std::size_t i = 0; i < nodes.size(); ++i) {
+    for (std::size_t j = i; j < nodes.size() && (j == i || !nodes[j].first); ++j) {
+      const double apart_m = std::abs(nodes[j].from_start_m - nodes[i].from_start_m);
+      const auto bin = static_cast<std::size_t>(std::lround(apart_m / nodes[i].true_radius_m / kBin_radii));
+      if (bin >= kBins) break;
+      product[bin] += nodes[i].sideways_m * nodes[j].sideways_m;
+      count[bin] += 1.0;
+    }
+  }
+  // The bin of 0 is half as wide as the others.
+  if (!(product[0] > 0.0)) return std::numeric_limits<double>::quiet_NaN();
+  double integral = 0.5;
+  for (std::size_t bin = 1; bin < kBins; ++bin) {
+    if (count[bin] == 0.0) continue;
+    const double correlation = product[bin] / count[bin] / (product[0] / count[0]);
+    if (correlation <= 0.0) break;
+    integral += correlation;
+  }
+  return 2.0 * integral * kBin_radii;
 }
 
 }  // namespace tubetrack

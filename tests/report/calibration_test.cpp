@@ -139,5 +139,27 @@ TEST(Calibration, ErrorsDrawnFromTheCovarianceAreInside95Percent) {
   EXPECT_THAT(calibration.nodes_inside(), DoubleNear(0.95, 0.01));
 }
 
+/// White noise through a box filter eight radii long.
+TEST(Calibration, SmoothingIsTheLengthOfTheFilterThatMadeTheErrors) {
+  constexpr int kTaps = 16;
+  std::mt19937 random(5);
+  std::normal_distribution<double> normal;
+  Calibration calibration;
+  for (int tube = 0; tube < 400; ++tube) {
+    std::vector<double> noise(60 + kTaps);
+    for (double& value : noise) value = normal(random);
+    for (int i = 0; i < 60; ++i) {
+      NodeError node;
+      node.first = i == 0;
+      node.true_radius_m = kRadius_m;
+      node.from_start_m = 0.5 * kRadius_m * i;
+      for (int tap = 0; tap < kTaps; ++tap) node.sideways_m += noise[static_cast<std::size_t>(i + tap)] / kTaps;
+      calibration.nodes.push_back(node);
+    }
+  }
+  EXPECT_THAT(smoothing_radii(calibration), DoubleNear(8.0, 0.5));
+  EXPECT_TRUE(std::isnan(smoothing_radii({})));
+}
+
 }  // namespace
 }  // namespace tubetrack

@@ -18,10 +18,13 @@ constexpr double kSigmasOf95Percent = 1.959963984540054;
 
 /// One visible node of a reported tube, against the nearest point of the true centreline.
 struct NodeError {
+  bool first = false;  ///< of its tube: the nodes of a tube stand together, in order
   std::int64_t true_id = 0;
   double true_radius_m = 0.0;
   Eigen::Vector3d true_point_m = Eigen::Vector3d::Zero();  ///< in the camera's frame
+  double from_start_m = 0.0;                               ///< arc length of the true centreline there
   double toward_camera_m = 0.0;                            ///< signed: positive is reported too near
+  double sideways_m = 0.0;                                 ///< signed: across the tube and the ray
   double sigma_m = 0.0;                                    ///< as reported: the larger axis across the tube
   double chi2 = 0.0;  ///< of the error across the true centreline in the reported covariance; 2 degrees of freedom
 
@@ -51,6 +54,11 @@ struct Calibration {
   double toward_camera_m() const;  ///< mean over the nodes
   double radius_error_m() const;   ///< mean over the true tubes
 };
+
+/// Over how many tube radii errors sideways are alike: the length of a box filter whose output would be correlated
+/// as they are (twice the integral of their correlation up to where it vanishes). NaN where there is too little. Errors
+/// sideways hardly depend on the radius, which is one for the whole tube.
+double smoothing_radii(const Calibration& calibration);
 
 /// Adds one frame. Nodes count where they are flagged visible, within ScoreRules::false_beyond_radii of the true
 /// centreline of the tube theirs was found on, and not past its ends.
