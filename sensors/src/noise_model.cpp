@@ -49,4 +49,10 @@ double depth_sigma_m(const NoiseModel& m, double depth_m, double incidence_rad, 
   return std::sqrt(axial * axial + lateral * lateral);
 }
 
+double depth_of_level_m(const NoiseModel& m, double depth_m) {
+  if (m.disparity_step_px <= 0.0 || depth_m <= 0.0) return depth_m;
+  const double per_level = m.baseline_focal_m_px / m.disparity_step_px;
+  return per_level / std::max(1.0, std::round(per_level / depth_m));
+}
+
 }  // namespace tubetrack

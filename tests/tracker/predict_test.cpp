@@ -162,7 +162,7 @@ TEST(SelectObservations, TakesReadingsWithinTheGateAndBelow75Degrees) {
     map.depth_m[pixel.cell] = static_cast<float>(pixel.depth_m + (turn == 0 ? 0.0 : turn == 1 ? 0.99 : 1.01) * gate);
     if (turn < 2 && incidence < 75.0 / 180.0 * std::numbers::pi) wanted.push_back(pixel);
   }
-  const auto observations = select_observations(map, predicted, 0.002, 3.0);
+  const auto observations = select_observations(map, noise, predicted, 0.002, 3.0);
   ASSERT_EQ(observations.size(), wanted.size());
   for (std::size_t i = 0; i < wanted.size(); ++i) {
     const Vector3d ray = ray_of(map, wanted[i].cell);

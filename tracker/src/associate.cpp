@@ -65,7 +65,7 @@ std::optional<std::size_t> recognise(const KnownTubes& known, const FoundTube& f
 }
 
 FoundTube as_found(const FollowedTube& tube, const HeightMap& map, const TrackerConfig& config) {
-  FoundTube found{tube.model, tube.extent, tube.quality, {}, tube.pixels};
+  FoundTube found{tube.model, tube.extent, tube.quality, {}, tube.pixels, tube.held_radius_m};
   found.evidence = gather_evidence(map, config.noise, tube.model, tube.pixels, tube.extent);
   return found;
 }
@@ -91,7 +91,7 @@ bool join_to_known(KnownTubes& known, const FoundTube& piece, const HeightMap& m
     auto joined = join_pieces(map, config, as_found(tube, map, config), piece);
     if (!joined) continue;
     const int frames_seen = tube.frames_seen;
-    tube = start_following(std::move(*joined), map, timestamp_s, tube.id);
+    tube = start_following(std::move(*joined), map, config, timestamp_s, tube.id);
     tube.frames_seen = frames_seen;
     return true;
   }
@@ -99,7 +99,8 @@ bool join_to_known(KnownTubes& known, const FoundTube& piece, const HeightMap& m
 }
 
 /// The tube that was out of sight goes on where it was found, at the speed that took it there.
-void come_back(FollowedTube& tube, FoundTube found, const HeightMap& map, double timestamp_s) {
+void come_back(FollowedTube& tube, FoundTube found, const HeightMap& map, const TrackerConfig& config,
+               double timestamp_s) {
   const auto middle = [](const TubeModel& model, const Extent& extent) {
     return point_at(model.spline, 0.5 * (extent.t_begin + extent.t_end));
   };
@@ -112,7 +113,7 @@ void come_back(FollowedTube& tube, FoundTube found, const HeightMap& map, double
   const int frames_seen = tube.frames_seen;
   const double radius_information = tube.radius_information;
   const double radius_m = tube.model.radius_m;
-  tube = start_following(std::move(found), map, timestamp_s, tube.id);
+  tube = start_following(std::move(found), map, config, timestamp_s, tube.id);
   tube.frames_seen = frames_seen + 1;
   // The radius known from before counts on.
   const double sum = tube.radius_information + radius_information;
@@ -141,9 +142,9 @@ void take_in(KnownTubes& known, std::vector<FoundTube> found, const HeightMap& m
   join_all(found, map, config);
   for (FoundTube& tube : found) {
     if (const auto back = recognise(known, tube, timestamp_s)) {
-      come_back(known.tubes[*back], std::move(tube), map, timestamp_s);
+      come_back(known.tubes[*back], std::move(tube), map, config, timestamp_s);
     } else if (!join_to_known(known, tube, map, config, timestamp_s)) {
-      known.tubes.push_back(start_following(std::move(tube), map, timestamp_s, known.next_id++));
+      known.tubes.push_back(start_following(std::move(tube), map, config, timestamp_s, known.next_id++));
     }
   }
 }

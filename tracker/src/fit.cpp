@@ -63,6 +63,10 @@ std::optional<FitQuality> fit_tube(TubeModel& model, const std::vector<Observati
   for (int step = 0; step < options.gauss_newton_steps; ++step) {
     NormalEquations eq = normal_equations(model, observations, options);
     if (eq.used < 20) return std::nullopt;
+    if (step + 1 == options.gauss_newton_steps) {
+      quality.observed.vector = eq.observed * parameters_of(model) + eq.observed_right;
+      quality.observed.matrix = std::move(eq.observed);
+    }
     const Eigen::LDLT<Eigen::MatrixXd> solver(eq.matrix);
     const Eigen::VectorXd change = solver.solve(eq.right);
     if (solver.info() != Eigen::Success || !change.allFinite()) return std::nullopt;
@@ -76,7 +80,6 @@ std::optional<FitQuality> fit_tube(TubeModel& model, const std::vector<Observati
       if (model.radius_m < options.radius_min_m || model.radius_m > options.radius_max_m) return std::nullopt;
     }
     quality.chi2_per_observation = eq.chi2 / eq.used;
-    if (step + 1 == options.gauss_newton_steps) quality.observed = std::move(eq.observed);
     if (step + 1 == options.gauss_newton_steps && options.want_covariance) {
       quality.covariance = solver.solve(Eigen::MatrixXd::Identity(change.size(), change.size()));
       quality.covariance *= std::max(1.0, quality.chi2_per_observation);

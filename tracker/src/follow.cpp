@@ -13,26 +13,32 @@ constexpr double kRestChi2 = 30.0;      // 6 degrees of freedom: once in 25,000 
 constexpr int kMaxPooledFrames = 60;    // what is older fades
 constexpr int kFramesToComeToRest = 6;  // long enough for 1 mm/s to show
 
-FitOptions fit_options(const TrackerConfig& config, const Information* prior) {
+FitOptions fit_options(const TrackerConfig& config, const FollowedTube& tube, const Information* prior) {
   FitOptions options;
-  options.radius_m = config.radius_m;
+  options.radius_m = config.radius_m ? config.radius_m : tube.held_radius_m;
   options.radius_min_m = 0.5 * config.radius_min_m;
   options.radius_max_m = 1.5 * config.radius_max_m;
   options.prior = prior;
   return options;
 }
 
+Information no_information(const TubeModel& model) {
+  const auto size = static_cast<Eigen::Index>(3 * model.spline.control_m.size() + 1);
+  return {Eigen::MatrixXd::Zero(size, size), Eigen::VectorXd::Zero(size)};
+}
+
 Information radius_only(const FollowedTube& tube) {
-  const Eigen::VectorXd mean = parameters_of(tube.model);
-  Information information{Eigen::MatrixXd::Zero(mean.size(), mean.size()), mean};
-  information.matrix(mean.size() - 1, mean.size() - 1) = tube.radius_information;
+  Information information = no_information(tube.model);
+  const Eigen::Index last = information.vector.size() - 1;
+  information.matrix(last, last) = tube.radius_information;
+  information.vector[last] = tube.radius_information * tube.model.radius_m;
   return information;
 }
 
 /// Observations of the stretch that is known, or may be now.
-std::vector<Observation> observe(const HeightMap& map, const FollowedTube& tube,
+std::vector<Observation> observe(const HeightMap& map, const TrackerConfig& config, const FollowedTube& tube,
                                  const std::vector<PredictedPixel>& pixels, double gate_m) {
-  auto observations = select_observations(map, pixels, gate_m, 4.0);
+  auto observations = select_observations(map, config.noise, pixels, gate_m, 4.0);
   const double slack = 0.25;
   std::erase_if(observations, [&](const Observation& observation) {
     return observation.t < tube.extent.t_begin - slack || observation.t > tube.extent.t_end + slack;
@@ -53,9 +59,12 @@ void start_pool(FollowedTube& tube) {
 
 void add_to_pool(FollowedTube& tube) {
   const double doubt = std::max(1.0, tube.quality.chi2_per_observation);
-  if (++tube.frames_pooled > kMaxPooledFrames) tube.pooled.matrix *= 1.0 - 1.0 / kMaxPooledFrames;
-  tube.pooled.matrix += tube.quality.observed / doubt;
-  tube.pooled.mean = parameters_of(tube.model);
+  if (++tube.frames_pooled > kMaxPooledFrames) {
+    tube.pooled.matrix *= 1.0 - 1.0 / kMaxPooledFrames;
+    tube.pooled.vector *= 1.0 - 1.0 / kMaxPooledFrames;
+  }
+  tube.pooled.matrix += tube.quality.observed.matrix / doubt;
+  tube.pooled.vector += tube.quality.observed.vector / doubt;
 }
 
 /// The motion from `before` to where the observations are.
@@ -66,8 +75,8 @@ struct Placed {
 Placed place(const HeightMap& map, const TrackerConfig& config, const FollowedTube& tube, const TubeModel& model,
              double gate_radii) {
   const auto pixels = predict_pixels(map, config.noise, model);
-  const auto observations = observe(map, tube, pixels, gate_radii * model.radius_m);
-  const NormalEquations eq = normal_equations(model, observations, fit_options(config, nullptr));
+  const auto observations = observe(map, config, tube, pixels, gate_radii * model.radius_m);
+  const NormalEquations eq = normal_equations(model, observations, fit_options(config, tube, nullptr));
   if (eq.used < 20) return {};
   return {estimate_motion(model, eq.observed, eq.observed_right, tube.radius_information), true};
 }
@@ -103,7 +112,7 @@ void judge_rest(FollowedTube& tube, const HeightMap& map, const TrackerConfig& c
   const bool same_shape = tube.anchor.spline.control_m.size() == tube.model.spline.control_m.size();
   if (same_shape) {
     const Placed back = place(map, config, tube, tube.anchor, 0.5);
-    if (back.enough && motion_chi2(tube.anchor, back.estimate, tube.quality.observed) < kRestChi2) {
+    if (back.enough && motion_chi2(tube.anchor, back.estimate, tube.quality.observed.matrix) < kRestChi2) {
       start_pool(tube);
       add_to_pool(tube);
       return;
@@ -112,12 +121,13 @@ void judge_rest(FollowedTube& tube, const HeightMap& map, const TrackerConfig& c
   tube.anchor = tube.model;
 }
 
-bool fit_to_frame(FollowedTube& tube, const HeightMap& map, const TrackerConfig& config, TubeModel model) {
-  const Information prior = tube.at_rest ? tube.pooled : radius_only(tube);
+bool fit_to_frame(FollowedTube& tube, const HeightMap& map, const TrackerConfig& config, TubeModel model,
+                  const Information& prior) {
+  const double radius_sigma_m = tube.quality.radius_sigma_m;
   for (const double gate_radii : {0.2, 0.1}) {
     tube.pixels = predict_pixels(map, config.noise, model);
-    const auto observations = observe(map, tube, tube.pixels, gate_radii * model.radius_m);
-    FitOptions options = fit_options(config, &prior);
+    const auto observations = observe(map, config, tube, tube.pixels, gate_radii * model.radius_m);
+    FitOptions options = fit_options(config, tube, &prior);
     options.gauss_newton_steps = 1;
     options.want_covariance = gate_radii < 0.15;
     auto quality = fit_tube(model, observations, options);
@@ -125,7 +135,9 @@ bool fit_to_frame(FollowedTube& tube, const HeightMap& map, const TrackerConfig&
     tube.quality = std::move(*quality);
   }
   tube.model = std::move(model);
-  if (!config.radius_m) {
+  if (tube.held_radius_m) {
+    tube.quality.radius_sigma_m = radius_sigma_m;
+  } else if (!config.radius_m) {
     // The radius may be known no better than to a few parts in ten thousand: no tube is rounder.
     const double floor_m = 3e-4 * tube.model.radius_m;
     tube.quality.radius_sigma_m = std::hypot(tube.quality.radius_sigma_m, floor_m);
@@ -138,27 +150,41 @@ bool agrees(const Station& station) {
   return station.expected > 0 && 2 * station.agree >= station.expected;
 }
 
+/// Something nearer hides it.
+bool covered(const Station& station) {
+  return 2 * station.before > station.expected;
+}
+
 /// Nothing can be said: out of the picture, without a return, or behind something nearer.
 bool hidden(const Station& station) {
   const int unseen = station.expected - station.agree - station.before - station.behind;
   return station.expected == 0 || 2 * (station.before + unseen) > station.expected;
 }
 
-/// Lengthens the extent by what is seen, shortens it by what is not there; what is hidden stays.
+/// Lengthens the extent by what is surely seen; shortens it to what is seen, or hidden by something nearer.
 Extent confirmed_extent(const std::vector<Station>& stations, const Extent& before) {
   if (stations.size() < 2) return {};
   const double half = 0.5 * (stations[1].t - stations[0].t);
   const auto last_index = static_cast<int>(stations.size()) - 1;
+  const auto at = [&](int i) -> const Station& { return stations[static_cast<std::size_t>(i)]; };
   const auto index_of = [&](double t) {
     return std::clamp(static_cast<int>(std::floor((t - stations[0].t) / (2.0 * half) + 0.5)), 0, last_index);
   };
-  const auto at = [&](int i) -> const Station& { return stations[static_cast<std::size_t>(i)]; };
   int first = index_of(before.t_begin + half);
   int last = index_of(before.t_end - half);
-  while (first > 0 && at(first - 1).seen()) --first;
-  while (last < last_index && at(last + 1).seen()) ++last;
-  while (first <= last && !agrees(at(first)) && !hidden(at(first))) ++first;
-  while (last >= first && !agrees(at(last)) && !hidden(at(last))) --last;
+  // A few pixels agree by chance anywhere: a stretch counts when about as many are to be seen as in the middle.
+  std::vector<int> expected;
+  for (int i = first; i <= last; ++i) expected.push_back(at(i).expected);
+  const auto middle = expected.begin() + static_cast<std::ptrdiff_t>(expected.size() / 2);
+  std::nth_element(expected.begin(), middle, expected.end());
+  const auto sure = [&](int i) {
+    return i >= 0 && i <= last_index && at(i).seen() && 3 * at(i).expected > *middle &&
+           4 * at(i).agree > 3 * at(i).expected;
+  };
+  while (sure(first - 1)) --first;
+  while (sure(last + 1)) ++last;
+  while (first <= last && !at(first).seen() && !covered(at(first))) ++first;
+  while (last >= first && !at(last).seen() && !covered(at(last))) --last;
   if (first > last) return {};
   return {at(first).t - half, at(last).t + half};
 }
@@ -177,6 +203,19 @@ Eigen::MatrixXd resized(const Eigen::MatrixXd& matrix, int front, int back, doub
   result.block(to, size - 1, kept, 1) = matrix.block(from, matrix.cols() - 1, kept, 1);
   result.block(size - 1, to, 1, kept) = matrix.block(matrix.rows() - 1, from, 1, kept);
   result(size - 1, size - 1) = matrix(matrix.rows() - 1, matrix.cols() - 1);
+  return result;
+}
+
+Information resized(const Information& information, int front, int back) {
+  Information result{resized(information.matrix, front, back, 0.0), {}};
+  const Eigen::VectorXd& old = information.vector;
+  result.vector = Eigen::VectorXd::Zero(result.matrix.rows());
+  if (old.size() == 0) return result;
+  const Eigen::Index from = 3 * std::max(0, -front);
+  const Eigen::Index to = 3 * std::max(0, front);
+  const Eigen::Index kept = std::min(old.size() - 1 - from, result.vector.size() - 1 - to);
+  result.vector.segment(to, kept) = old.segment(from, kept);
+  result.vector[result.vector.size() - 1] = old[old.size() - 1];
   return result;
 }
 
@@ -208,8 +247,8 @@ void fit_spline_to_extent(FollowedTube& tube) {
   }
   if (front == 0 && back == 0) return;
   const double far2 = tube.model.radius_m * tube.model.radius_m;
-  tube.pooled = {resized(tube.pooled.matrix, front, back, 0.0), parameters_of(tube.model)};
-  tube.quality.observed = resized(tube.quality.observed, front, back, 0.0);
+  tube.pooled = resized(tube.pooled, front, back);
+  tube.quality.observed = resized(tube.quality.observed, front, back);
   tube.quality.covariance = resized(tube.quality.covariance, front, back, far2);
   tube.anchor = tube.model;
 }
@@ -236,22 +275,40 @@ void look(FollowedTube& tube, const HeightMap& map, const TrackerConfig& config)
   tube.state = enough ? TubeState::tracked : 2 * unknown > all && all > 0 ? TubeState::occluded : TubeState::lost;
 }
 
+/// Goes on along what the image confirms until there is no more.
+void lengthen(FollowedTube& tube, const HeightMap& map, const TrackerConfig& config) {
+  constexpr int kMaxRounds = 20;
+  for (int round = 0; round < kMaxRounds; ++round) {
+    FollowedTube longer = tube;
+    fit_spline_to_extent(longer);
+    if (!fit_to_frame(longer, map, config, longer.model, no_information(longer.model))) return;
+    look(longer, map, config);
+    if (longer.state != TubeState::tracked) return;
+    const double gain = (longer.extent.t_end - longer.extent.t_begin) - (tube.extent.t_end - tube.extent.t_begin);
+    tube = std::move(longer);
+    if (gain < 0.3) return;
+  }
+}
+
 }  // namespace
 
-FollowedTube start_following(FoundTube found, const HeightMap& map, double timestamp_s, std::int64_t id) {
+FollowedTube start_following(FoundTube found, const HeightMap& map, const TrackerConfig& config, double timestamp_s,
+                             std::int64_t id) {
   FollowedTube tube;
   tube.id = id;
   tube.model = std::move(found.model);
   tube.extent = found.extent;
+  tube.held_radius_m = found.held_radius_m;
   tube.quality = std::move(found.quality);
   tube.support = found.evidence.support;
   tube.pixels = std::move(found.pixels);
   tube.stations = stations_of(map, tube.model, tube.pixels, station_length_m(map, tube.model));
+  if (found.joined) lengthen(tube, map, config);
   tube.last_seen_s = timestamp_s;
   tube.frames_seen = 1;
   tube.radius_information = inverse(tube.quality.radius_sigma_m * tube.quality.radius_sigma_m);
   start_pool(tube);
-  tube.pooled.matrix.setZero();  // the radius is in what was observed
+  tube.pooled = no_information(tube.model);  // the radius is in what was observed
   add_to_pool(tube);
   return tube;
 }
@@ -266,7 +323,7 @@ void follow_tube(FollowedTube& tube, const HeightMap& map, const TrackerConfig& 
   const FollowedTube before = tube;
   TubeModel model = expected;
   const bool placed = judge_motion(tube, map, config, model, elapsed_s);
-  if (placed && fit_to_frame(tube, map, config, std::move(model))) {
+  if (placed && fit_to_frame(tube, map, config, std::move(model), tube.at_rest ? tube.pooled : radius_only(tube))) {
     look(tube, map, config);
   } else {
     look(tube, map, config);
@@ -298,8 +355,8 @@ void transform(FollowedTube& tube, const Eigen::Isometry3d& new_from_old) {
   };
   move_model(tube.model);
   move_model(tube.anchor);
+  const Eigen::Matrix3d rotation = new_from_old.linear();
   const auto turn = [&](Eigen::MatrixXd& matrix) {
-    const Eigen::Matrix3d rotation = new_from_old.linear();
     for (Eigen::Index k = 0; k + 3 <= matrix.rows(); k += 3) {
       matrix.middleRows<3>(k) = rotation * Eigen::MatrixXd(matrix.middleRows<3>(k));
     }
@@ -307,12 +364,20 @@ void transform(FollowedTube& tube, const Eigen::Isometry3d& new_from_old) {
       matrix.middleCols<3>(k) = Eigen::MatrixXd(matrix.middleCols<3>(k)) * rotation.transpose();
     }
   };
-  turn(tube.pooled.matrix);
-  turn(tube.quality.observed);
+  const auto carry = [&](Information& information) {
+    turn(information.matrix);
+    Eigen::VectorXd shift = Eigen::VectorXd::Zero(information.vector.size());
+    for (Eigen::Index k = 0; k + 3 <= shift.size(); k += 3) {
+      information.vector.segment<3>(k) = rotation * Eigen::Vector3d(information.vector.segment<3>(k));
+      shift.segment<3>(k) = new_from_old.translation();
+    }
+    information.vector += information.matrix * shift;
+  };
+  carry(tube.pooled);
+  carry(tube.quality.observed);
   turn(tube.quality.covariance);
-  tube.pooled.mean = parameters_of(tube.model);
-  tube.velocity.shift_m_s = new_from_old.linear() * tube.velocity.shift_m_s;
-  tube.velocity.turn_rad_s = new_from_old.linear() * tube.velocity.turn_rad_s;
+  tube.velocity.shift_m_s = rotation * tube.velocity.shift_m_s;
+  tube.velocity.turn_rad_s = rotation * tube.velocity.turn_rad_s;
 }
 
 }  // namespace tubetrack

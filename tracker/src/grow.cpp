@@ -62,7 +62,7 @@ std::optional<FoundTube> fit_seed(const HeightMap& map, const TrackerConfig& con
   TubeModel& model = found.model;
   model.radius_m = config.radius_m.value_or(seed.radius_m);
   const Eigen::Vector3d half = model.radius_m * seed.axis;
-  model.spline = spline_along({seed.center_m - half, seed.center_m, seed.center_m + half}, 1.25 * model.radius_m);
+  model.spline = spline_along({seed.center_m - half, seed.center_m, seed.center_m + half}, kKnotSpacingRadii * model.radius_m);
   FitOptions options;
   options.suppleness = 0.02;
   options.radius_min_m = 0.5 * config.radius_min_m;
@@ -70,7 +70,7 @@ std::optional<FoundTube> fit_seed(const HeightMap& map, const TrackerConfig& con
   for (const double gate_radii : {0.5, 0.3, 0.2, 0.15}) {
     options.radius_m = gate_radii > 0.4 ? model.radius_m : config.radius_m;
     const auto pixels = predict_pixels(map, config.noise, model);
-    const auto observations = select_observations(map, pixels, gate_radii * model.radius_m, 3.0);
+    const auto observations = select_observations(map, config.noise, pixels, gate_radii * model.radius_m, 3.0);
     if (!fit_tube(model, observations, options)) return std::nullopt;
   }
   found.extent = {0.0, model.spline.spans()};
@@ -107,7 +107,7 @@ std::optional<FoundTube> grow_model(const HeightMap& map, const TrackerConfig& c
   for (int round = 0; round < kMaxRounds; ++round) {
     if (found.extent.t_end <= found.extent.t_begin) return std::nullopt;
     const double gate_m = (round == 0 ? 0.2 : 0.1) * found.model.radius_m;
-    auto observations = select_observations(map, found.pixels, gate_m, 4.0);
+    auto observations = select_observations(map, config.noise, found.pixels, gate_m, 4.0);
     std::erase_if(observations, [&](const Observation& observation) {
       return observation.t < found.extent.t_begin || observation.t > found.extent.t_end;
     });
@@ -137,7 +137,7 @@ std::optional<FoundTube> grow_model(const HeightMap& map, const TrackerConfig& c
 std::optional<FoundTube> grow_from(const HeightMap& map, const TrackerConfig& config, const TubeModel& start,
                                    const std::vector<Eigen::Vector3d>& line_m) {
   if (line_m.size() > 3) {
-    TubeModel traced{spline_along(line_m, 1.25 * start.radius_m), start.radius_m};
+    TubeModel traced{spline_along(line_m, kKnotSpacingRadii * start.radius_m), start.radius_m};
     auto found = grow_model(map, config, std::move(traced));
     if (found && !why_no_tube(*found, config)) return found;
   }
@@ -150,7 +150,10 @@ std::optional<FoundTube> grow_held(const HeightMap& map, TrackerConfig config, T
   config.radius_m = radius_m;
   start.radius_m = radius_m;
   auto found = grow_from(map, config, start, line_m);
-  if (found) found->quality.radius_sigma_m = radius_m / found->evidence.width_px;  // half a pixel
+  if (found) {
+    found->held_radius_m = radius_m;
+    found->quality.radius_sigma_m = radius_m / found->evidence.width_px;  // half a pixel
+  }
   return found;
 }
 

@@ -65,12 +65,12 @@ bool refuted(const std::vector<Station>& stations, const Extent& extent) {
 
 std::optional<FoundTube> join_pieces(const HeightMap& map, const TrackerConfig& config, const FoundTube& a,
                                      const FoundTube& b) {
-  if (!like_radii(a, b)) return std::nullopt;
+  if (a.held_radius_m || b.held_radius_m || !like_radii(a, b)) return std::nullopt;
   const std::vector<Eigen::Vector3d> line = one_line(a, b);
   if (line.empty()) return std::nullopt;
   const bool a_longer = a.evidence.length_m > b.evidence.length_m;
   FoundTube joined;
-  joined.model = {spline_along(line, 1.25 * a.model.radius_m), a_longer ? a.model.radius_m : b.model.radius_m};
+  joined.model = {spline_along(line, kKnotSpacingRadii * a.model.radius_m), a_longer ? a.model.radius_m : b.model.radius_m};
   FitOptions options;
   options.radius_m = config.radius_m;
   options.radius_min_m = 0.5 * config.radius_min_m;
@@ -78,13 +78,14 @@ std::optional<FoundTube> join_pieces(const HeightMap& map, const TrackerConfig& 
   const Extent all{1.0 - 1e-9, joined.model.spline.spans() - 1.0 + 1e-9};
   for (const double gate_radii : {0.3, 0.2, 0.1}) {
     const auto pixels = predict_pixels(map, config.noise, joined.model);
-    auto observations = select_observations(map, pixels, gate_radii * joined.model.radius_m, 4.0);
+    auto observations = select_observations(map, config.noise, pixels, gate_radii * joined.model.radius_m, 4.0);
     std::erase_if(observations, [&](const Observation& o) { return o.t < all.t_begin || o.t > all.t_end; });
     auto quality = fit_tube(joined.model, observations, options);
     if (!quality) return std::nullopt;
     joined.quality = std::move(*quality);
   }
   joined.extent = all;
+  joined.joined = true;
   joined.pixels = predict_pixels(map, config.noise, joined.model);
   const auto stations = stations_of(map, joined.model, joined.pixels, station_length_m(map, joined.model));
   if (refuted(stations, joined.extent)) return std::nullopt;

@@ -9,6 +9,9 @@ namespace tubetrack {
 
 namespace {
 
+/// σ of the centreline's third difference where nothing happens, of that where a straight meets a bend of radius 5 R.
+constexpr double kCalmThird = 0.05;
+
 double inverse_square(double sigma) {
   return 1.0 / (sigma * sigma);
 }
@@ -100,10 +103,14 @@ void add_prior(const std::vector<Eigen::Vector3d>& control_m, std::size_t first,
 void add_priors(const TubeModel& model, double suppleness, NormalEquations& eq) {
   const auto& q = model.spline.control_m;
   const double spacing = mean_spacing_m(model.spline);
-  // Where a straight meets the tightest usual bend (radius 5 R), the third difference is spacing² / 5 R.
-  const double third_weight = inverse_square(0.3 * suppleness * spacing * spacing / (5.0 * model.radius_m));
+  // Where a straight meets the tightest usual bend (radius 5 R), the third difference is spacing² / 5 R; elsewhere it
+  // is nearly none. So its distribution has long tails (Cauchy's, by reweighting): few large ones cost less than many
+  // small ones.
+  const double third_sigma = kCalmThird * suppleness * spacing * spacing / (5.0 * model.radius_m);
   for (std::size_t k = 0; k + 3 < q.size(); ++k) {
-    add_prior<4>(q, k, {-1.0, 3.0, -3.0, 1.0}, third_weight * Eigen::Matrix3d::Identity(), eq);
+    const double third = (q[k + 3] - q[k] + 3.0 * (q[k + 1] - q[k + 2])).norm();
+    const double weight = inverse_square(third_sigma) / (1.0 + third * third * inverse_square(3.0 * third_sigma));
+    add_prior<4>(q, k, {-1.0, 3.0, -3.0, 1.0}, weight * Eigen::Matrix3d::Identity(), eq);
   }
   // A bend of radius 3 R is one σ: too weak to matter where the surface is seen, enough to hold what is not.
   const double second_weight = inverse_square(suppleness * spacing * spacing / (3.0 * model.radius_m));
@@ -136,7 +143,7 @@ NormalEquations normal_equations(const TubeModel& model, std::span<const Observa
   eq.observed_right = eq.right;
   if (options.prior) {
     eq.matrix += options.prior->matrix;
-    eq.right += options.prior->matrix * (options.prior->mean - parameters_of(model));
+    eq.right += options.prior->vector - options.prior->matrix * parameters_of(model);
   }
   add_priors(model, options.suppleness, eq);
   // A radius that the view hardly determines stays near where it was.

@@ -134,6 +134,17 @@ bool intersect(const Piece& piece, double radius_m, const Eigen::Vector3d& ray, 
   return true;
 }
 
+/// The reading is of a point up to a pixel beside its ray: the mean over a curved surface lies behind the surface by
+/// half its second derivative times the jitter's variance.
+void add_jitter(const NoiseModel& noise, double focal_px, double radius_m, PredictedPixel& pixel) {
+  const double pixel_m = pixel.depth_m / focal_px;
+  const double cos_section = std::sqrt(std::max(0.1, 1.0 - 1.0 * pixel.lateral * pixel.lateral));
+  const double jitter_m = noise.lateral_px * pixel_m;
+  pixel.margin_px = static_cast<float>((1.0 - std::abs(pixel.lateral)) * radius_m / pixel_m);
+  pixel.jitter_bias_m = static_cast<float>(0.5 * jitter_m * jitter_m /
+                                           (radius_m * cos_section * cos_section * cos_section * pixel.across));
+}
+
 void sort_by_cell(std::vector<PredictedPixel>& pixels) {
   std::sort(pixels.begin(), pixels.end(), [](const PredictedPixel& a, const PredictedPixel& b) {
     return a.cell != b.cell ? a.cell < b.cell : a.depth_m < b.depth_m;
@@ -154,6 +165,7 @@ std::vector<PredictedPixel> predict_pixels(const HeightMap& map, const NoiseMode
       pixel.cell = static_cast<std::uint32_t>(map.cell(u, v));
       const Eigen::Vector2f& ray = map.rays[pixel.cell];
       if (!intersect(piece, model.radius_m, Eigen::Vector3d(ray.x(), ray.y(), 1.0), pixel)) return;
+      add_jitter(noise, map.intrinsics.fx_px, model.radius_m, pixel);
       pixel.sigma_m = static_cast<float>(
           depth_sigma_m(noise, pixel.depth_m, std::acos(std::min(1.0F, pixel.cos_incidence)), map.intrinsics.fx_px));
       pixels.push_back(pixel);
@@ -163,18 +175,22 @@ std::vector<PredictedPixel> predict_pixels(const HeightMap& map, const NoiseMode
   return pixels;
 }
 
-std::vector<Observation> select_observations(const HeightMap& map, const std::vector<PredictedPixel>& predicted,
-                                             double gate_m, double gate_sigmas) {
+std::vector<Observation> select_observations(const HeightMap& map, const NoiseModel& noise,
+                                             const std::vector<PredictedPixel>& predicted, double gate_m,
+                                             double gate_sigmas) {
   constexpr float kCos75 = 0.2588F;
+  const float margin_px = 2.0F * static_cast<float>(noise.lateral_px);
   std::vector<Observation> observations;
   observations.reserve(predicted.size());
   for (const PredictedPixel& pixel : predicted) {
     const float measured = map.depth_m[pixel.cell];
-    if (measured <= 0.0F || pixel.cos_incidence < kCos75) continue;
-    if (std::abs(measured - pixel.depth_m) > gate_m + gate_sigmas * pixel.sigma_m) continue;
+    if (measured <= 0.0F || pixel.cos_incidence < kCos75 || pixel.margin_px < margin_px) continue;
+    const double reading_m = map.at_disparity_levels ? depth_of_level_m(noise, measured) : measured;
+    const double depth_m = reading_m - pixel.jitter_bias_m;
+    if (std::abs(depth_m - pixel.depth_m) > gate_m + gate_sigmas * pixel.sigma_m) continue;
     const Eigen::Vector3d ray(map.rays[pixel.cell].x(), map.rays[pixel.cell].y(), 1.0);
     const double norm = ray.norm();
-    observations.push_back({measured * ray, ray / norm, pixel.sigma_m * norm, pixel.t});
+    observations.push_back({depth_m * ray, ray / norm, pixel.sigma_m * norm, pixel.t});
   }
   return observations;
 }

@@ -32,6 +32,8 @@ struct HeightMap {
 
   int tile_columns() const { return (intrinsics.width + kTileWidth_px - 1) / kTileWidth_px; }
   int tile_rows() const { return (intrinsics.height + kTileHeight_px - 1) / kTileHeight_px; }
+  bool at_disparity_levels = false;        ///< see `lies_at_disparity_levels`; set by whoever asked
+
   std::size_t cell(int u, int v) const {
     return static_cast<std::size_t>(v) * static_cast<std::size_t>(intrinsics.width) + static_cast<std::size_t>(u);
   }
@@ -58,5 +60,9 @@ HeightMap make_height_map(const Intrinsics& intrinsics);
 /// it. With a moving camera the cells look elsewhere in every frame: `fuse` false restarts all of them.
 /// The frame must have the map's size.
 void update(HeightMap& map, const DepthFrame& frame, const NoiseModel& noise, const HeightMapLimits& limits, bool fuse);
+
+/// Are the frame's readings those of the noise model's disparity levels, rounded to the recording's unit? Asked of a
+/// few thousand readings where levels lie farther apart than units; false where there are too few.
+bool lies_at_disparity_levels(const DepthFrame& frame, const NoiseModel& noise);
 
 }  // namespace tubetrack

@@ -22,11 +22,11 @@ struct Observation {
   double t = 0.0;
 };
 
-/// What earlier frames say of a model: the inverse of the covariance of all control points (x, y, z each) and, last, of
-/// the radius, around a mean in the same order.
+/// What observations say of a model, without any prior on its shape, so that frames can be added up: the inverse of the
+/// covariance of all control points (x, y, z each) and, last, of the radius, and that matrix times their mean.
 struct Information {
   Eigen::MatrixXd matrix;
-  Eigen::VectorXd mean;
+  Eigen::VectorXd vector;
 };
 
 /// Control points and radius in the order of Information.
@@ -46,7 +46,7 @@ struct FitOptions {
 struct FitQuality {
   double chi2_per_observation = 0.0;
   double radius_sigma_m = 0.0;
-  Eigen::MatrixXd observed;    ///< information of these observations alone, without any prior
+  Information observed;        ///< of these observations alone
   Eigen::MatrixXd covariance;  ///< of all control points (x, y, z each) and, last, the radius; inflated by χ² above 1
 };
 

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 
 #include "tubetrack/tracker/grow.hpp"
 #include "tubetrack/tracker/tube.hpp"
@@ -25,19 +26,20 @@ struct FollowedTube {
   std::vector<PredictedPixel> pixels;  ///< the same
   double last_seen_s = 0.0;
   int frames_seen = 0;
-  int doubts = 0;  ///< frames running that spoke against it being a tube
 
   // While it rests, frames are pooled; while it moves, only the radius is.
   bool at_rest = true;
   Information pooled;                ///< at rest: of all frames since it came to rest
   int frames_pooled = 0;             ///< at rest: how many; moving: frames since `anchor`
+  std::optional<double> held_radius_m;  ///< as FoundTube's
   double radius_information = 0.0;   ///< 1/m²
   TubeModel anchor;                  ///< moving: where it was when it was last asked whether it still moves
   TubeVelocity velocity;             ///< moving
 };
 
-/// A tube just found, as the first frame of a followed one.
-FollowedTube start_following(FoundTube found, const HeightMap& map, double timestamp_s, std::int64_t id);
+/// A tube just found, as the first frame of a followed one; if it was joined, lengthened along all that the image confirms.
+FollowedTube start_following(FoundTube found, const HeightMap& map, const TrackerConfig& config, double timestamp_s,
+                             std::int64_t id);
 
 /// Finds a known tube in the next frame, `elapsed_s` after the last: where it should be, the motion that the frame asks
 /// for, whether it rests, a fit with what earlier frames say, and how far the image confirms it now. Sets `state`:

@@ -15,6 +15,8 @@ struct FoundTube {
   FitQuality quality;
   Evidence evidence;
   std::vector<PredictedPixel> pixels;
+  std::optional<double> held_radius_m = {};  ///< set where the silhouettes, not the surface, say how thick it is
+  bool joined = false;                       ///< of two pieces: its ends have not been looked for yet
 };
 
 /// Where to start: a peak of the accumulation map, the tube's direction and radius there, and the line traced from it

@@ -16,15 +16,19 @@ struct PredictedPixel {
   float lateral = 0.0F;        ///< −1 … 1: sideways from the axis as seen from the camera, in radii
   float axis_depth_m = 0.0F;   ///< z at which the ray is nearest to the axis
   float across = 0.0F;         ///< metres across the axis for one metre of z along the ray
+  float margin_px = 0.0F;      ///< to the silhouette, across the tube
+  float jitter_bias_m = 0.0F;  ///< mean of a reading less the surface's depth: the lateral jitter on a curved surface
   float sigma_m = 0.0F;        ///< of a reading there, along z (DESIGN §2: axial noise, and lateral jitter on a slope)
 };
 
 /// Every pixel whose ray meets the tube, once each, in cell order. Includes pixels without a return.
 std::vector<PredictedPixel> predict_pixels(const HeightMap& map, const NoiseModel& noise, const TubeModel& model);
 
-/// The pixels to fit: predicted incidence below 75° (never chosen by residual beyond the gate that keeps other surfaces
-/// out), reading within gate_m + gate_sigmas·σ of the prediction.
-std::vector<Observation> select_observations(const HeightMap& map, const std::vector<PredictedPixel>& predicted,
-                                             double gate_m, double gate_sigmas);
+/// The pixels to fit: predicted incidence below 75° and so far inside the silhouette that the lateral jitter doesn't
+/// reach it (chosen by prediction, never by residual beyond the gate that keeps other surfaces out), reading within
+/// gate_m + gate_sigmas·σ of the prediction. The jitter's bias is taken off.
+std::vector<Observation> select_observations(const HeightMap& map, const NoiseModel& noise,
+                                             const std::vector<PredictedPixel>& predicted, double gate_m,
+                                             double gate_sigmas);
 
 }  // namespace tubetrack

@@ -13,6 +13,10 @@ struct Spline {
   double spans() const { return static_cast<double>(control_m.size()) - 3.0; }
 };
 
+/// Control points this far apart follow the step in curvature where a straight meets a bend of radius 5 R to a few
+/// thousandths of R.
+inline constexpr double kKnotSpacingRadii = 1.0;
+
 /// Four control points shape the curve at t: `first` and the three after it, with these weights.
 struct SplineBasis {
   std::size_t first = 0;
