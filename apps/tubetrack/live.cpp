@@ -35,6 +35,22 @@ struct LiveOptions {
   RecordingFlags reading;
 };
 
+/// The settings for this device: its own noise model where it is a known one, unless --config or --noise say another.
+Expected<TrackerConfig> config_for_device(const TrackOptions& options, const StreamInfo& info) {
+  TrackerConfig defaults;
+  const auto of_device = noise_model_of_device(info.device);
+  if (of_device) defaults.noise = *of_device;
+  auto config = tracker_config_from(options, defaults);
+  if (config && !options.quiet) {
+    const char* why = !options.noise.empty()    ? "as --noise says"
+                      : !options.config.empty() ? "by --config and the device"
+                      : of_device               ? "by the device's name"
+                                                : "the default: this device's is not known, --noise says it";
+    fmt::print(stderr, "note: noise model {} for {} ({})\n", config->noise.name, info.device, why);
+  }
+  return config;
+}
+
 Expected<int> live(const LiveOptions& options) {
   auto config = tracker_config_from(options.track);
   if (!config) return tl::make_unexpected(config.error());
@@ -51,6 +67,8 @@ Expected<int> live(const LiveOptions& options) {
   if (!source) return tl::make_unexpected(source.error());
   const StreamInfo& info = (*source)->info();
   if (!options.track.quiet) fmt::print(stderr, "note: {}\n", device_note(info, *reading));
+  config = config_for_device(options.track, info);
+  if (!config) return tl::make_unexpected(config.error());
   auto tracker = create_tracker(*config, info.intrinsics);
   if (!tracker) return tl::make_unexpected(tracker.error());
   RunOptions run = run_options_from(options.track, *config);

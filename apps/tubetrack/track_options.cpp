@@ -5,6 +5,7 @@
 #include <array>
 #include <charconv>
 #include <cmath>
+#include <filesystem>
 #include <optional>
 #include <string_view>
 #include <system_error>
@@ -71,13 +72,9 @@ Expected<void> apply_radius(const TrackOptions& options, TrackerConfig& config) 
 
 Expected<void> apply_noise(const TrackOptions& options, TrackerConfig& config) {
   if (options.noise.empty()) return {};
-  auto named = noise_model_by_name(options.noise);
-  if (!named && options.noise.find_first_of("./") != std::string::npos) named = read_noise_model(options.noise);
-  if (!named && options.noise.find_first_of("./") == std::string::npos) {
-    return malformed("--noise", options.noise, "kinect1, stereo, tof or a JSON file");
-  }
-  if (!named) return tl::make_unexpected(Error::usage("--noise " + named.error().message));
-  config.noise = std::move(*named);
+  auto model = noise_model_from(options.noise);
+  if (!model) return tl::make_unexpected(model.error());
+  config.noise = std::move(*model);
   return {};
 }
 
@@ -143,7 +140,9 @@ void add_tracker_flags(CLI::App& command, TrackOptions& options) {
   command.add_option("--depth-range", options.depth_range, "ignore what is nearer or farther, in metres")
       ->type_name("MIN:MAX");
   command.add_option("--roi", options.roi, "look only at this part of the image, in pixels")->type_name("U,V,W,H");
-  command.add_option("--noise", options.noise, "the sensor's noise: kinect1, stereo, tof, or a JSON file")
+  command
+      .add_option("--noise", options.noise,
+                  "the sensor's noise: kinect1, stereo, tof, or a file of `tubetrack calibrate-noise`")
       ->type_name("NAME|FILE");
   command.add_option("--map", options.map, "the height map's grid: image (the depth pixels)")->type_name("image");
   command.add_option("--threads", options.threads, "threads to track with; results do not depend on it")
@@ -161,10 +160,21 @@ void add_output_flags(CLI::App& command, TrackOptions& options) {
   command.add_flag("--quiet", options.quiet, "no progress, notes or summary on stderr; errors only");
 }
 
-Expected<TrackerConfig> tracker_config_from(const TrackOptions& options) {
-  TrackerConfig config;
+Expected<NoiseModel> noise_model_from(const std::string& flag) {
+  if (auto named = noise_model_by_name(flag)) return named;
+  std::error_code ignored;
+  if (flag.find_first_of("./") == std::string::npos && !std::filesystem::exists(flag, ignored)) {
+    return malformed("--noise", flag, "kinect1, stereo, tof or a JSON file");
+  }
+  auto read = read_noise_model(flag);
+  if (!read) return tl::make_unexpected(Error::usage("--noise " + read.error().message));
+  return read;
+}
+
+Expected<TrackerConfig> tracker_config_from(const TrackOptions& options, const TrackerConfig& defaults) {
+  TrackerConfig config = defaults;
   if (!options.config.empty()) {
-    auto read = read_config(options.config);
+    auto read = read_config(options.config, defaults);
     if (!read) return tl::make_unexpected(Error::usage("--config " + read.error().message));
     config = std::move(*read);
   }

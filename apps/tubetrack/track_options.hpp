@@ -24,7 +24,9 @@ void add_tracker_flags(CLI::App& command, TrackOptions& options);
 void add_output_flags(CLI::App& command, TrackOptions& options);
 
 /// Defaults, then --config, then the flags; validated. Errors are of kind usage and name the flag.
-Expected<TrackerConfig> tracker_config_from(const TrackOptions& options);
+Expected<TrackerConfig> tracker_config_from(const TrackOptions& options, const TrackerConfig& defaults = {});
+/// What `--noise` says: a built-in model's name, or a JSON file.
+Expected<NoiseModel> noise_model_from(const std::string& flag);
 /// A tracker for this camera; besides what the tracker checks, the region of interest must lie in the image.
 Expected<TubeTracker> create_tracker(const TrackerConfig& config, const Intrinsics& intrinsics);
 /// The output flags, and the smallest radius for the check against the scene.

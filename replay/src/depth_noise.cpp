@@ -74,6 +74,7 @@ double measured_depth(const DepthNoise& noise, double depth_m, double incidence_
   if (noise.axial) {
     NoiseModel unrounded = noise.sensor;
     unrounded.disparity_step_px = 0.0;
+    unrounded.depth_step_m = 0.0;
     z += axial_sigma_m(unrounded, depth_m, incidence_rad) * two_normals(seed, pixel, Draw::axial)[0];
   }
   if (noise.quantisation && noise.sensor.disparity_step_px > 0.0 && z > 0.0) {

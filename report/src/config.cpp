@@ -20,7 +20,7 @@ using Json = nlohmann::ordered_json;
 template <class Model, class Visit>
 void visit_noise(Model& model, Visit&& visit) {
   auto& [name, axial_constant_m, axial_quadratic_per_m, axial_reference_m, axial_grazing, lateral_px, disparity_step_px,
-         baseline_focal_m_px] = model;
+         baseline_focal_m_px, depth_step_m] = model;
   visit("name", name);
   visit("axial_constant_m", axial_constant_m);
   visit("axial_quadratic_per_m", axial_quadratic_per_m);
@@ -29,6 +29,7 @@ void visit_noise(Model& model, Visit&& visit) {
   visit("lateral_px", lateral_px);
   visit("disparity_step_px", disparity_step_px);
   visit("baseline_focal_m_px", baseline_focal_m_px);
+  visit("depth_step_m", depth_step_m);
 }
 
 template <class Config, class Visit>
@@ -106,6 +107,17 @@ void read_value(const Json& json, const std::string& key, std::optional<double>&
   read_value(json, key, value.emplace());
 }
 
+/// `prefix` goes before the fields' names in messages.
+void read_noise_fields(const Json& json, const std::string& prefix, NoiseModel& value) {
+  std::vector<std::string> known;
+  visit_noise(value, [&](const char* field, auto& target) {
+    known.emplace_back(field);
+    if (json.contains(field)) read_value(json.at(field), prefix + field, target);
+  });
+  refuse_unknown_keys(json, known, prefix);
+  if (auto valid = validate(value); !valid) throw Refusal{prefix + valid.error().message};
+}
+
 void read_value(const Json& json, const std::string& key, NoiseModel& value) {
   if (json.is_string()) {
     auto model = noise_model_by_name(json.get<std::string>());
@@ -114,22 +126,11 @@ void read_value(const Json& json, const std::string& key, NoiseModel& value) {
     return;
   }
   if (!json.is_object()) throw Refusal{fmt::format("{}: got {}, takes a name or an object", key, json.dump())};
-  std::vector<std::string> known;
-  visit_noise(value, [&](const char* field, auto& target) {
-    known.emplace_back(field);
-    if (json.contains(field)) read_value(json.at(field), key + "." + field, target);
-  });
-  refuse_unknown_keys(json, known, key + ".");
-  const double lengths[] = {value.axial_constant_m, value.axial_quadratic_per_m, value.axial_grazing, value.lateral_px,
-                            value.disparity_step_px};
-  if (*std::min_element(std::begin(lengths), std::end(lengths)) < 0.0 || value.baseline_focal_m_px <= 0.0) {
-    throw Refusal{fmt::format("{}: its parts take numbers ≥ 0, and baseline_focal_m_px one > 0", key)};
-  }
+  read_noise_fields(json, key + ".", value);
 }
 
-TrackerConfig config_from(const Json& json) {
+TrackerConfig config_from(const Json& json, TrackerConfig config) {
   if (!json.is_object()) throw Refusal{"the file takes one JSON object, like {\"radius_m\": 0.02}"};
-  TrackerConfig config;
   std::vector<std::string> known;
   visit_config(config, [&](const char* field, auto& target) {
     known.emplace_back(field);
@@ -164,22 +165,30 @@ auto guarded(const std::string& text, const std::string& name, Read&& read) -> E
 
 }  // namespace
 
-Expected<TrackerConfig> parse_config(const std::string& text, const std::string& name) {
-  return guarded(text, name, [](const Json& json) { return config_from(json); });
+Expected<TrackerConfig> parse_config(const std::string& text, const std::string& name, const TrackerConfig& defaults) {
+  return guarded(text, name, [&](const Json& json) { return config_from(json, defaults); });
 }
 
-Expected<TrackerConfig> read_config(const std::filesystem::path& path) {
-  return read_text(path).and_then([&](const std::string& text) { return parse_config(text, path.string()); });
+Expected<TrackerConfig> read_config(const std::filesystem::path& path, const TrackerConfig& defaults) {
+  return read_text(path).and_then([&](const std::string& text) { return parse_config(text, path.string(), defaults); });
 }
 
 Expected<NoiseModel> read_noise_model(const std::filesystem::path& path) {
   return read_text(path).and_then([&](const std::string& text) {
-    return guarded(text, path.string(), [](const Json& json) {
+    return guarded(text, path.string(), [&](const Json& json) {
+      if (!json.is_object()) throw Refusal{"the file takes one JSON object, like {\"axial_constant_m\": 0.002}"};
       NoiseModel model;
-      read_value(json, "noise", model);
+      model.name = path.stem().string();
+      read_noise_fields(json, "", model);
       return model;
     });
   });
+}
+
+std::string noise_model_text(const NoiseModel& model) {
+  Json json;
+  visit_noise(model, [&json](const char* field, const auto& value) { json[field] = value; });
+  return json.dump(2) + "\n";
 }
 
 std::string config_text(const TrackerConfig& config) {

@@ -74,8 +74,7 @@ Json tube_json(const Tube& tube) {
             {"centerline_m", Json::array()},
             {"sigma_m", Json::array()},
             {"node_covariance_m2", Json::array()},
-            {"node_visible", tube.node_visible},
-            {"segments", Json::array()}};
+            {"node_visible", tube.node_visible}};
   for (const Eigen::Vector3d& p : tube.centerline_m) {
     json["centerline_m"].push_back({micro(p.x()), micro(p.y()), micro(p.z())});
   }
@@ -84,6 +83,8 @@ Json tube_json(const Tube& tube) {
     json["node_covariance_m2"].push_back({three_digits(c(0, 0)), three_digits(c(0, 1)), three_digits(c(0, 2)),
                                           three_digits(c(1, 1)), three_digits(c(1, 2)), three_digits(c(2, 2))});
   }
+  for (const double radius : tube.node_radius_m) json["node_radius_m"].push_back(micro(radius));
+  json["segments"] = Json::array();
   for (const Segment& segment : tube.segments) json["segments"].push_back(segment_json(segment));
   return json;
 }
@@ -111,6 +112,7 @@ Tube tube_from(const Json& json) {
   }
   tube.sigma_m = json.at("sigma_m").get<std::vector<double>>();
   tube.node_visible = json.at("node_visible").get<std::vector<bool>>();
+  tube.node_radius_m = json.value("node_radius_m", std::vector<double>());
   for (const Json& c : json.at("node_covariance_m2")) {
     const auto v = c.get<std::array<double, 6>>();
     tube.node_covariance_m2.emplace_back(

@@ -139,6 +139,12 @@ void add_intervals(const TruthFrame& truth, const TubeFrame& result, const Score
   }
 }
 
+/// A lost tube is remembered, not reported: where it is said to be is where it was.
+TubeFrame without_lost(TubeFrame result) {
+  std::erase_if(result.tubes, [](const Tube& tube) { return tube.state == TubeState::lost; });
+  return result;
+}
+
 /// IDF1's identities: one reported id a true tube, for the whole run, with the most frames in common.
 void assign_identities(Tally& tally) {
   std::vector<std::int64_t> true_ids, reported_ids;
@@ -225,18 +231,19 @@ Expected<Score> score_run(std::span<const TruthFrame> truth, std::span<const Tub
       ++score.frames_bad;
       continue;
     }
-    if (!result->tubes.empty() && result->frame_id != frame.frame_id) {
+    const TubeFrame reported_now = without_lost(*result);
+    if (!reported_now.tubes.empty() && reported_now.frame_id != frame.frame_id) {
       return tl::make_unexpected(Error::failed(fmt::format(
           "frame {}: the truth is in the {} frame, the result in the {} frame; give the results of this recording",
-          frame.frame, frame.frame_id, result->frame_id)));
+          frame.frame, frame.frame_id, reported_now.frame_id)));
     }
     ++score.frames_scored;
-    add_coverage(frame, *result, rules, tally);
+    add_coverage(frame, reported_now, rules, tally);
     std::vector<ReportedTube> reported;
-    reported.reserve(result->tubes.size());
-    for (const Tube& tube : result->tubes) reported.push_back(add_reported(frame, tube, rules, tally));
-    add_identity(frame, *result, reported, rules, tally);
-    add_intervals(frame, *result, rules, tally);
+    reported.reserve(reported_now.tubes.size());
+    for (const Tube& tube : reported_now.tubes) reported.push_back(add_reported(frame, tube, rules, tally));
+    add_identity(frame, reported_now, reported, rules, tally);
+    add_intervals(frame, reported_now, rules, tally);
     for (const TrueTube& tube : frame.tubes) tally.tubes[tube.id].true_radius_m = tube.radius_m;
   }
   for (const auto& [number, result] : result_of) score.frames_without_truth += number >= rules.first_frame ? 1 : 0;

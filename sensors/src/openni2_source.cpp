@@ -171,6 +171,7 @@ Expected<void> OpenNi2Source::start(const OpenNi2Options& options) {
   if (!device_.hasSensor(openni::SENSOR_DEPTH)) {
     return failed(fmt::format("{}: this device has no depth sensor; `tubetrack devices` lists the others", info_.name));
   }
+  info_.device = fmt::format("{} {}", device_.getDeviceInfo().getVendor(), device_.getDeviceInfo().getName());
   if (stream_.create(device_, openni::SENSOR_DEPTH) != openni::STATUS_OK) {
     return failed(fmt::format("{}: can't create the depth stream: {}", info_.name, runtime_says()));
   }

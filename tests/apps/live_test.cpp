@@ -153,6 +153,24 @@ TEST_F(Live, GivenIntrinsicsAreUsed) {
                         "--intrinsics"));
 }
 
+TEST_F(Live, ANoteSaysWhichNoiseModelTheDeviceHasAndTheFlagWins) {
+  // The virtual device has the name of its recording's folder.
+  const fs::path known = folder_ / "RealSense D435";
+  fs::create_directory_symlink(recording_, known);
+  ASSERT_EQ(run({"live", "--frames", "0:1", "--out", lines()}), 0) << errors();
+  EXPECT_THAT(errors(), HasSubstr("note: noise model kinect1 for tubetrack "));
+  EXPECT_THAT(errors(), HasSubstr("not known, --noise says it"));
+  setenv("TUBETRACK_VIRTUAL_DEVICE", known.c_str(), 1);
+  fs::remove(lines());
+  ASSERT_EQ(run({"live", "--frames", "0:1", "--out", lines()}), 0) << errors();
+  EXPECT_THAT(errors(), HasSubstr("(by the device's name)"));
+  EXPECT_THAT(errors(), HasSubstr("note: noise model stereo for tubetrack "));
+  fs::remove(lines());
+  ASSERT_EQ(run({"live", "--noise", "tof", "--frames", "0:1", "--out", lines()}), 0) << errors();
+  EXPECT_THAT(errors(), HasSubstr("note: noise model tof for tubetrack "));
+  EXPECT_THAT(errors(), HasSubstr("(as --noise says)"));
+}
+
 TEST_F(Live, AFrameRangePassesOverWhatComesBefore) {
   // Lockstep counts lines, and frames passed over write none.
   unsetenv("TUBETRACK_VIRTUAL_LOCKSTEP");

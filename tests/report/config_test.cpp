@@ -60,7 +60,7 @@ TEST(Config, AWrongTypeNamesKeyValueAndWhatItTakes) {
   EXPECT_THAT(refusal(R"({"threads": 1.5})"), HasSubstr("threads: got 1.5, takes a whole number"));
   EXPECT_THAT(refusal(R"({"noise": 3})"), HasSubstr("noise: got 3, takes a name or an object"));
   EXPECT_THAT(refusal(R"({"noise": "kinect9"})"), AllOf(HasSubstr("noise"), HasSubstr("kinect9"), HasSubstr("stereo")));
-  EXPECT_THAT(refusal(R"({"noise": {"lateral_px": -1}})"), HasSubstr("numbers ≥ 0"));
+  EXPECT_THAT(refusal(R"({"noise": {"lateral_px": -1}})"), HasSubstr("noise.lateral_px: got -1, takes pixels, 0 to"));
   EXPECT_THAT(refusal("[1]"), HasSubstr("one JSON object"));
   EXPECT_THAT(refusal("{\"cell_m\": }"), HasSubstr("no JSON"));
 }
@@ -76,15 +76,62 @@ TEST(Config, AMissingFileIsNamed) {
   EXPECT_THAT(config.error().message, HasSubstr("/nowhere/config.json: cannot be read"));
 }
 
-TEST(NoiseModelFile, ReadsTheFieldsOfTheModelAndRefusesOthers) {
-  const test::TemporaryFolder folder;
-  test::write_text(folder / "noise.json", R"({"name": "mine", "axial_constant_m": 0.002})");
-  const auto model = read_noise_model(folder / "noise.json");
+TEST(Config, WhatTheFileDoesNotNameIsThatOfTheDefaultsGiven) {
+  TrackerConfig defaults;
+  defaults.noise = *noise_model_by_name("stereo");
+  const auto config = parse_config(R"({"threads": 2, "noise": {"lateral_px": 0.25}})", "a.json", defaults);
+  ASSERT_TRUE(config) << config.error().message;
+  EXPECT_EQ(config->noise.name, "stereo");
+  EXPECT_EQ(config->noise.lateral_px, 0.25);
+  EXPECT_EQ(config->noise.baseline_focal_m_px, defaults.noise.baseline_focal_m_px);
+}
+
+class NoiseModelFile : public testing::Test {
+ protected:
+  Expected<NoiseModel> read(const std::string& text) {
+    test::write_text(folder_ / "mine.json", text);
+    return read_noise_model(folder_ / "mine.json");
+  }
+  std::string refusal(const std::string& text) {
+    const auto model = read(text);
+    EXPECT_FALSE(model) << text;
+    EXPECT_EQ(model.error().kind, Error::Kind::usage);
+    EXPECT_THAT(model.error().message, HasSubstr("mine.json: "));
+    return model.error().message;
+  }
+  test::TemporaryFolder folder_;
+};
+
+TEST_F(NoiseModelFile, WhatItDoesNotNameIsKinect1s) {
+  const auto model = read(R"({"axial_constant_m": 0.002})");
   ASSERT_TRUE(model) << model.error().message;
+  EXPECT_EQ(model->name, "mine");
   EXPECT_EQ(model->axial_constant_m, 0.002);
   EXPECT_EQ(model->lateral_px, NoiseModel{}.lateral_px);
-  test::write_text(folder / "bad.json", R"({"sigma": 1})");
-  EXPECT_THAT(read_noise_model(folder / "bad.json").error().message, HasSubstr("noise.sigma: unknown key"));
+  EXPECT_EQ(read(R"({"name": "other"})")->name, "other");
+}
+
+TEST_F(NoiseModelFile, WrittenAndReadAgainIsTheSame) {
+  for (NoiseModel model : built_in_noise_models()) {
+    model.depth_step_m = 0.001;
+    model.axial_grazing = 1.0 / 3.0;
+    const auto again = read(noise_model_text(model));
+    ASSERT_TRUE(again) << again.error().message;
+    EXPECT_EQ(noise_model_text(*again), noise_model_text(model));
+    EXPECT_EQ(again->axial_grazing, model.axial_grazing);
+  }
+}
+
+TEST_F(NoiseModelFile, RefusesWithFieldWhatItGotAndWhatItTakes) {
+  EXPECT_THAT(refusal(R"({"sigma": 1})"), HasSubstr("json: sigma: unknown key; known are name, axial_constant_m"));
+  EXPECT_THAT(refusal(R"({"axial_constant": 0.001})"), HasSubstr("did you mean axial_constant_m?"));
+  EXPECT_THAT(refusal(R"({"lateral_px": "half"})"), HasSubstr("json: lateral_px: got \"half\", takes a number"));
+  EXPECT_THAT(refusal(R"({"axial_constant_m": 1.2})"), HasSubstr("axial_constant_m: got 1.2, takes metres, 0 to 1"));
+  EXPECT_THAT(refusal(R"({"disparity_step_px": -0.125})"), HasSubstr("disparity_step_px: got -0.125, takes pixels"));
+  EXPECT_THAT(refusal(R"({"baseline_focal_m_px": 0})"), HasSubstr("baseline_focal_m_px: got 0, takes metres × pixels"));
+  EXPECT_THAT(refusal(R"({"axial_constant_m": 0, "disparity_step_px": 0})"), HasSubstr("more than 0 metres"));
+  EXPECT_THAT(refusal(R"("kinect1")"), HasSubstr("takes one JSON object"));
+  EXPECT_THAT(refusal("{"), HasSubstr("is no JSON"));
 }
 
 }  // namespace

@@ -78,6 +78,29 @@ TEST(ResultLine, EveryKindOfLineHoldsAgainstTheSchema) {
   EXPECT_EQ(schema_complaints(lines, folder.path()), "");
 }
 
+TEST(ResultLine, EveryStateHiddenNodesAndAVaryingRadiusHoldAgainstTheSchemaAndReadBack) {
+  std::vector<std::string> lines;
+  for (const auto state : {TubeState::tracked, TubeState::occluded, TubeState::lost}) {
+    for (const bool varying : {false, true}) {
+      TubeFrame frame = frame_with(TrackStatus::ok);
+      frame.tubes[0].state = state;
+      frame.tubes[0].node_visible = {false, false};
+      if (varying) frame.tubes[0].node_radius_m = {0.0200998, 0.0187};
+      lines.push_back(result_line(frame, true));
+      const auto again = parse_result_line(lines.back());
+      ASSERT_TRUE(again) << again.error().message;
+      EXPECT_EQ(again->tubes[0].state, state);
+      EXPECT_EQ(again->tubes[0].node_radius_m, varying ? std::vector<double>({0.0201, 0.0187}) : std::vector<double>());
+      EXPECT_EQ(result_line(*again, true), lines.back());
+    }
+  }
+  EXPECT_THAT(lines[0], Not(HasSubstr("node_radius_m")));
+  EXPECT_THAT(lines[3], AllOf(HasSubstr(R"("state":"occluded")"), HasSubstr(R"("node_visible":[false,false])"),
+                              HasSubstr(R"("node_radius_m":[0.0201,0.0187],"segments")")));
+  const TemporaryFolder folder;
+  EXPECT_EQ(schema_complaints(lines, folder.path()), "");
+}
+
 TEST(ResultSchema, TakesTheLineOfTheDesign) {
   const std::string line =
       R"({"frame": 12, "timestamp_s": 1000.4, "frame_id": "camera", "status": "ok", "dropped": 0, "latency_ms": 2.1, )"

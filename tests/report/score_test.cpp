@@ -71,6 +71,27 @@ TEST(Score, AnExactLineIsPerfect) {
   EXPECT_THAT(score.total.reported_m, DoubleNear(0.4, 1e-12));
 }
 
+TEST(Score, LostTubesAreNotReportedAndOccludedOnesAre) {
+  Tube occluded = reported_tube(9, 0.0, 0.4, 0.0);
+  occluded.state = TubeState::occluded;
+  EXPECT_EQ(scored_one(occluded).total.coverage(), 1.0);
+
+  Tube lost = occluded;
+  lost.state = TubeState::lost;
+  const Score none = scored_one(lost);
+  EXPECT_EQ(none.total.coverage(), 0.0);
+  EXPECT_EQ(none.total.reported_m, 0.0);
+  EXPECT_EQ(none.total.frames_found, 0);
+  EXPECT_EQ(none.total.idf1(), 0.0);
+
+  Tube elsewhere = reported_tube(4, 0.0, 0.4, 0.3);
+  elsewhere.state = TubeState::lost;
+  const Score score =
+      scored({truth_frame(0, {true_tube(1, 0.0)})}, {result_frame(0, {elsewhere, reported_tube(9, 0.0, 0.4, 0.0)})});
+  EXPECT_EQ(score.total.false_length(), 0.0);
+  EXPECT_EQ(score.total.idf1(), 1.0);
+}
+
 TEST(Score, ALineShiftedByDHasRmsD) {
   const Score score = scored_one(reported_tube(9, 0.0, 0.4, 0.003));
   EXPECT_THAT(score.total.rms_m(), DoubleNear(0.003, 1e-12));

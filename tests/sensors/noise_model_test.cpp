@@ -61,6 +61,36 @@ TEST(NoiseModel, EverySensorGrowsNoisierWithDepthAndIncidence) {
   }
 }
 
+TEST(NoiseModel, RoundingOfTheDepthAddsItsUniformSigma) {
+  NoiseModel model = without_rounding();
+  model.depth_step_m = 0.006;
+  EXPECT_NEAR(axial_sigma_m(model, 0.4, 0.0), std::hypot(0.0012, 0.006 / std::sqrt(12.0)), 1e-12);
+}
+
+TEST(NoiseModel, ValidateNamesTheFieldWhatItGotAndWhatItTakes) {
+  for (const NoiseModel& model : built_in_noise_models()) EXPECT_TRUE(validate(model)) << model.name;
+  NoiseModel model;
+  model.axial_quadratic_per_m = -0.5;
+  EXPECT_EQ(validate(model).error().message, "axial_quadratic_per_m: got -0.5, takes 1/metres, 0 to 1");
+  model = {};
+  model.axial_reference_m = std::nan("");
+  EXPECT_EQ(validate(model).error().message, "axial_reference_m: got nan, takes metres, 0 to 100");
+  model = without_rounding();
+  model.axial_constant_m = 0.0;
+  ASSERT_FALSE(validate(model)) << "σ may be 0";
+  model.depth_step_m = 0.001;
+  EXPECT_TRUE(validate(model));
+}
+
+TEST(NoiseModel, KnownDevicesHaveTheirs) {
+  EXPECT_EQ(noise_model_of_device("PrimeSense PS1080")->name, "kinect1");
+  EXPECT_EQ(noise_model_of_device("ASUS Xtion Pro")->name, "kinect1");
+  EXPECT_EQ(noise_model_of_device("Intel Intel RealSense D435")->name, "stereo");
+  EXPECT_FALSE(noise_model_of_device("Microsoft Kinect")) << "two sensors of that name";
+  EXPECT_FALSE(noise_model_of_device("tubetrack virtual depth camera"));
+  EXPECT_FALSE(noise_model_of_device(""));
+}
+
 TEST(NoiseModel, AnUnknownNameIsRefusedWithTheKnownOnes) {
   const auto model = noise_model_by_name("kinect9");
   ASSERT_FALSE(model);

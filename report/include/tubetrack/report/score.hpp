@@ -63,7 +63,8 @@ struct Score {
   std::int64_t frames_without_truth = 0;
 };
 
-/// Compares a run with the truth, joined by frame number. The error says where the two can't be compared: no frame in
+/// Compares a run with the truth, joined by frame number. Tracked and occluded tubes are reported; lost ones are not.
+/// The error says where the two can't be compared: no frame in
 /// common, or in different coordinate frames.
 Expected<Score> score_run(std::span<const TruthFrame> truth, std::span<const TubeFrame> results,
                           const ScoreRules& rules);

@@ -18,7 +18,8 @@ struct StreamInfo {
   Intrinsics intrinsics;
   double metres_per_unit = 0.001;
   bool has_poses = false;
-  std::optional<std::int64_t> frame_count;  ///< known for recordings
+  std::optional<std::int64_t> frame_count = {};  ///< known for recordings
+  std::string device = {};                       ///< maker and name of a live device, as its driver says them
 };
 
 /// Where frames come from: a recording or a live device. The only abstract class of the project.

@@ -31,6 +31,7 @@ struct Tube {
   std::vector<double> sigma_m;  ///< the larger axis across the tube
   std::vector<Eigen::Matrix3d> node_covariance_m2;
   std::vector<bool> node_visible;
+  std::vector<double> node_radius_m;  ///< tubes of varying radius only; empty: radius_m everywhere
   std::vector<Segment> segments;
 };
 
