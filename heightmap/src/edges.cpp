@@ -21,7 +21,7 @@ using D = hn::CappedTag<float, 16>;
 using V = hn::Vec<D>;
 
 /// EdgeRule::is_edge for neighbours.
-hn::Mask<D> IsEdge(const EdgeRule& rule, V a, V b) {
+HWY_INLINE hn::Mask<D> IsEdge(const EdgeRule& rule, V a, V b) {
   const D d;
   const V zero = hn::Zero(d);
   const V mean = hn::Mul(hn::Set(d, 0.5F), hn::Add(a, b));
@@ -40,7 +40,7 @@ hn::Mask<D> IsEdge(const EdgeRule& rule, V a, V b) {
   return hn::And(steep, hn::Gt(jump, allowed));
 }
 
-std::uint64_t Bits(hn::Mask<D> mask) {
+HWY_INLINE std::uint64_t Bits(hn::Mask<D> mask) {
   std::uint8_t bytes[8] = {};
   hn::StoreMaskBits(D(), mask, bytes);
   return bytes[0] | static_cast<std::uint64_t>(bytes[1]) << 8;

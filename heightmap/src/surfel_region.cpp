@@ -73,19 +73,6 @@ void prepare(const HeightMap& map, SurfelWork& work) {
   work.at_cell.resize(map.rays.size());
 }
 
-void take_heights(const HeightMap& map, int v, int u_begin, int u_end, Heights& out) {
-  for (int u = u_begin; u < u_end; ++u) {
-    const std::size_t at = map.cell(u, v);
-    const float height = map.inverse_depth_per_m[at] * (1.0F / kHeightUnit_per_m) + 0.5F;
-    const float variance = map.variance_per_m2[at] * (1.0F / kVarianceUnit_per_m2) + 0.5F;
-    const bool usable = map.count[at] > 0 && height < static_cast<float>(kHeightLimit);
-    const std::size_t to = out.grid.at(u, v);
-    out.height[to] = usable ? static_cast<std::int32_t>(height) : 0;
-    out.variance[to] =
-        usable ? static_cast<std::int32_t>(std::min(variance, static_cast<float>(kVarianceLimit))) : 0;
-  }
-}
-
 void fit_windows(const EdgeRule& rule, int v_begin, int v_end, SurfelWork& work) {
   const Grid& grid = work.heights.grid;
   const int v_first = std::max(0, v_begin - kLargestHalf_px);

@@ -23,17 +23,17 @@ using M = hn::Mask<D>;
 
 constexpr float kRoot2 = 1.41421356F;
 
-V Set(float value) {
+HWY_INLINE V Set(float value) {
   return hn::Set(D(), value);
 }
 
-std::uint64_t Bits(M mask) {
+HWY_INLINE std::uint64_t Bits(M mask) {
   std::uint8_t bytes[8] = {};
   hn::StoreMaskBits(D(), mask, bytes);
   return bytes[0] | static_cast<std::uint64_t>(bytes[1]) << 8;
 }
 
-M MaskOf(std::uint64_t bits) {
+HWY_INLINE M MaskOf(std::uint64_t bits) {
   const std::uint8_t bytes[8] = {static_cast<std::uint8_t>(bits), static_cast<std::uint8_t>(bits >> 8)};
   return hn::LoadMaskBits(D(), bytes);
 }
@@ -42,24 +42,24 @@ struct V3 {
   V x, y, z;
 };
 
-V3 Sub(const V3& a, const V3& b) {
+HWY_INLINE V3 Sub(const V3& a, const V3& b) {
   return {hn::Sub(a.x, b.x), hn::Sub(a.y, b.y), hn::Sub(a.z, b.z)};
 }
 
-V3 Scale(const V3& a, V s) {
+HWY_INLINE V3 Scale(const V3& a, V s) {
   return {hn::Mul(a.x, s), hn::Mul(a.y, s), hn::Mul(a.z, s)};
 }
 
-V Dot(const V3& a, const V3& b) {
+HWY_INLINE V Dot(const V3& a, const V3& b) {
   return hn::Add(hn::Mul(a.x, b.x), hn::Add(hn::Mul(a.y, b.y), hn::Mul(a.z, b.z)));
 }
 
-V3 Cross(const V3& a, const V3& b) {
+HWY_INLINE V3 Cross(const V3& a, const V3& b) {
   return {hn::Sub(hn::Mul(a.y, b.z), hn::Mul(a.z, b.y)), hn::Sub(hn::Mul(a.z, b.x), hn::Mul(a.x, b.z)),
           hn::Sub(hn::Mul(a.x, b.y), hn::Mul(a.y, b.x))};
 }
 
-V3 Select(M mask, const V3& yes, const V3& no) {
+HWY_INLINE V3 Select(M mask, const V3& yes, const V3& no) {
   return {hn::IfThenElse(mask, yes.x, no.x), hn::IfThenElse(mask, yes.y, no.y), hn::IfThenElse(mask, yes.z, no.z)};
 }
 
@@ -69,7 +69,7 @@ struct Between {
   V per_px;
 };
 
-Between Spread(V slope_before, V slope_after, int half) {
+HWY_INLINE Between Spread(V slope_before, V slope_after, int half) {
   const V limit = Set(0.5F * kNoPlane);
   const M before = hn::Lt(slope_before, limit);
   const M after = hn::Lt(slope_after, limit);
@@ -79,7 +79,7 @@ Between Spread(V slope_before, V slope_after, int half) {
 }
 
 /// After minus before; the plane in the middle stands in for a side without one.
-V Difference(const Between& between, const float* before, const float* middle, const float* after) {
+HWY_INLINE V Difference(const Between& between, const float* before, const float* middle, const float* after) {
   const D d;
   const V center = hn::LoadU(d, middle);
   return hn::Sub(hn::IfThenElse(between.after, hn::LoadU(d, after), center),
@@ -88,7 +88,7 @@ V Difference(const Between& between, const float* before, const float* middle, c
 
 /// Whether the inverse depth bends down in some direction by more than `sigmas` of the second difference's noise: whether
 /// its second derivatives plus that limit are not positive definite.
-M BendsDown(const Neighbourhood& n, int i, const Between& across, const Between& down, float aspect, float sigmas) {
+HWY_INLINE M BendsDown(const Neighbourhood& n, int i, const Between& across, const Between& down, float aspect, float sigmas) {
   const int h = n.half;
   const float* u = n.row.slope_u + i;
   const float* v = n.row.slope_v + i;
@@ -113,7 +113,7 @@ struct Facet {
 };
 
 /// Slopes per unit of ray, from those per pixel; (x, y): where the rays are. The larger of the pixels per unit.
-V SlopesOverRays(const SurfelRule& rule, const float* x, const float* y, std::ptrdiff_t stride, V& a, V& b) {
+HWY_INLINE V SlopesOverRays(const SurfelRule& rule, const float* x, const float* y, std::ptrdiff_t stride, V& a, V& b) {
   if (!rule.distorted) {
     a = hn::Mul(a, Set(rule.fx_px));
     b = hn::Mul(b, Set(rule.fy_px));
@@ -136,7 +136,7 @@ V SlopesOverRays(const SurfelRule& rule, const float* x, const float* y, std::pt
 }
 
 /// The plane of cell i, `du` columns aside; `rays_aside`: of its row, relative to the neighbourhood's.
-Facet FacetAt(const SurfelRule& rule, const Neighbourhood& n, const PlaneRow& row, int i, std::ptrdiff_t rays_aside) {
+HWY_INLINE Facet FacetAt(const SurfelRule& rule, const Neighbourhood& n, const PlaneRow& row, int i, std::ptrdiff_t rays_aside) {
   const D d;
   const float* ray_x = n.ray_x + i + rays_aside;
   const float* ray_y = n.ray_y + i + rays_aside;
@@ -161,7 +161,7 @@ struct Curvature {
   V sigma_per_m;
 };
 
-Curvature CurvatureOf(const SurfelRule& rule, const Neighbourhood& n, int i, const Facet& middle, const Between& across,
+HWY_INLINE Curvature CurvatureOf(const SurfelRule& rule, const Neighbourhood& n, int i, const Facet& middle, const Between& across,
                       const Between& down) {
   const int h = n.half;
   const std::ptrdiff_t rows = h * n.ray_stride;

@@ -22,13 +22,13 @@ using DI = hn::Rebind<std::int32_t, D>;
 using V = hn::Vec<D>;
 using VU = hn::Vec<DU>;
 
-hn::Mask<D> MaskOf(std::uint64_t word, int first) {
+HWY_INLINE hn::Mask<D> MaskOf(std::uint64_t word, int first) {
   const std::uint64_t bits = word >> first;
   const std::uint8_t bytes[8] = {static_cast<std::uint8_t>(bits), static_cast<std::uint8_t>(bits >> 8)};
   return hn::LoadMaskBits(D(), bytes);
 }
 
-V Signed(VU sum) {
+HWY_INLINE V Signed(VU sum) {
   return hn::ConvertTo(D(), hn::BitCast(DI(), sum));
 }
 
@@ -40,7 +40,7 @@ struct Corners {
   std::size_t left;
   std::size_t right;
 
-  VU sum(int channel) const {
+  HWY_INLINE VU sum(int channel) const {
     const DU d;
     const std::size_t at = static_cast<std::size_t>(channel) * stride;
     return hn::Sub(hn::Sub(hn::LoadU(d, bottom + at + right), hn::LoadU(d, bottom + at + left)),
@@ -57,7 +57,7 @@ struct Planes {
 };
 
 /// Windows in which every cell has a height: the moments of (du, dv) are constants.
-Planes FullWindows(const Corners& window, int half, VU u, VU v) {
+HWY_INLINE Planes FullWindows(const Corners& window, int half, VU u, VU v) {
   const D d;
   const int side = 2 * half + 1;
   const float cells = static_cast<float>(side * side);
@@ -71,7 +71,7 @@ Planes FullWindows(const Corners& window, int half, VU u, VU v) {
 }
 
 /// Windows with gaps: the moments are summed, and solved for. No plane where too few cells or no slope is determined.
-Planes WindowsWithHoles(const Corners& window, int half, VU u, VU v) {
+HWY_INLINE Planes WindowsWithHoles(const Corners& window, int half, VU u, VU v) {
   const D d;
   const float cells = static_cast<float>((2 * half + 1) * (2 * half + 1));
   const VU count = window.sum(kCount);

@@ -20,7 +20,7 @@ using D = hn::CappedTag<std::uint32_t, 4>;
 using V = hn::Vec<D>;
 
 /// Running sums within the vector, the carry added and moved on.
-V Prefix(V v, V& carry) {
+HWY_INLINE V Prefix(V v, V& carry) {
 #if HWY_TARGET == HWY_SCALAR
   carry = hn::Add(v, carry);
   return carry;
