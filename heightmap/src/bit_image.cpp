@@ -24,8 +24,9 @@ void spread_over_rows(const BitImage& from, int by, int v_begin, int v_end, BitI
   const int words = from.grid.words();
   for (int v = v_begin; v < v_end; ++v) {
     std::uint64_t* out = to.row(v);
-    std::fill_n(out, words, std::uint64_t{0});
-    for (int k = std::max(0, v - by); k <= std::min(from.grid.height - 1, v + by); ++k) {
+    const int first = std::max(0, v - by);
+    std::copy_n(from.row(first), words, out);
+    for (int k = first + 1; k <= std::min(from.grid.height - 1, v + by); ++k) {
       const std::uint64_t* in = from.row(k);
       for (int i = 0; i < words; ++i) out[i] |= in[i];
     }

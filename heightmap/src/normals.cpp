@@ -15,6 +15,17 @@ struct SurfelFinder::State {
 
 namespace {
 
+Surfel surfel_of(const FoundSurfel& found, std::size_t cell) {
+  Surfel surfel;
+  surfel.position_m = {found.x_m, found.y_m, found.z_m};
+  surfel.inward_normal = {found.normal_x, found.normal_y, found.normal_z};
+  surfel.sigma_m = found.sigma_m;
+  surfel.radius_min_m = found.radius_min_m;
+  surfel.radius_max_m = found.radius_max_m;
+  surfel.cell = static_cast<std::uint32_t>(cell);
+  return surfel;
+}
+
 void list_surfels(const SurfelWork& work, std::span<const std::uint8_t> skip, std::vector<Surfel>& out) {
   const Grid& grid = work.found.grid;
   out.clear();
@@ -23,7 +34,7 @@ void list_surfels(const SurfelWork& work, std::span<const std::uint8_t> skip, st
     for (int i = 0; i < grid.words(); ++i) {
       for (std::uint64_t bits = work.found.row(v)[i]; bits != 0; bits &= bits - 1) {
         const auto cell = static_cast<std::size_t>(row + 64 * i + std::countr_zero(bits));
-        if (skip.empty() || skip[cell] == 0) out.push_back(work.at_cell[cell]);
+        if (skip.empty() || skip[cell] == 0) out.push_back(surfel_of(work.at_cell[cell], cell));
       }
     }
   }

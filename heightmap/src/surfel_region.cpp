@@ -26,16 +26,31 @@ void keep_columns(BitImage& image, int v, int begin, int end) {
   }
 }
 
-bool has_holes(const SurfelWork& work, const Region& region) {
-  const Grid& grid = work.heights.grid;
-  for (int v = region.v_begin; v < region.v_end; ++v) {
-    const std::uint64_t* row = work.windows.back().holes.row(v);
-    for (int i = 0; i < grid.words(); ++i) {
-      const int first = 64 * i - kMargin_px;
-      if (first + 64 > region.u_begin && first < region.u_end && row[i] != 0) return true;
+void flag_holes(int v_begin, int v_end, SurfelWork& work) {
+  static_assert(kSumBlock_px == 32 && kSumBlock_px > 2 * kLargestHalf_px);
+  const int words = work.missing.grid.words();
+  const int blocks = 2 * words;
+  for (int v = v_begin; v < v_end; ++v) {
+    const std::uint64_t* missing = work.missing.row(v);
+    std::uint8_t* out = work.beside_holes.data() + static_cast<std::ptrdiff_t>(v) * blocks;
+    std::fill_n(out, blocks, std::uint8_t{0});
+    for (int i = 0; i < words; ++i) {
+      if (static_cast<std::uint32_t>(missing[i]) != 0) out[2 * i - (i > 0 ? 1 : 0)] = out[2 * i] = out[2 * i + 1] = 1;
+      if (missing[i] >> 32 != 0) out[2 * i] = out[2 * i + 1] = out[2 * i + (i + 1 < words ? 2 : 1)] = 1;
     }
   }
-  return false;
+}
+
+void spread_hole_flags(int v_begin, int v_end, SurfelWork& work) {
+  const int blocks = 2 * work.missing.grid.words();
+  for (int v = v_begin; v < v_end; ++v) {
+    std::uint8_t* out = work.near_holes.data() + static_cast<std::ptrdiff_t>(v) * blocks;
+    std::fill_n(out, blocks, std::uint8_t{0});
+    for (int k = std::max(0, v - kSurfelReach_px); k <= std::min(work.missing.grid.height - 1, v + kSurfelReach_px); ++k) {
+      const std::uint8_t* in = work.beside_holes.data() + static_cast<std::ptrdiff_t>(k) * blocks;
+      for (int i = 0; i < blocks; ++i) out[i] |= in[i];
+    }
+  }
 }
 
 void clear_found(SurfelWork& work, const Region& region, int v) {
@@ -53,24 +68,30 @@ void prepare(const HeightMap& map, SurfelWork& work) {
   // A vector that starts in a row's last cell reads on.
   work.heights.height.assign(grid.size() + 64, 0);
   work.heights.variance.assign(grid.size() + 64, 0);
-  const auto with_guards = grid.size() + 2 * static_cast<std::size_t>(grid.stride());
-  work.rays.x.assign(with_guards, 0.0F);
-  work.rays.y.assign(with_guards, 0.0F);
   work.longest_ray2 = 0.0F;
   for (const Eigen::Vector2f& ray : map.rays) work.longest_ray2 = std::max(work.longest_ray2, ray.squaredNorm());
-  for (int v = 0; v < grid.height; ++v) {
-    for (int u = 0; u < grid.width; ++u) {
-      work.rays.x[RayTable::at(grid, u, v)] = map.rays[map.cell(u, v)].x();
-      work.rays.y[RayTable::at(grid, u, v)] = map.rays[map.cell(u, v)].y();
+  if (map.intrinsics.has_distortion()) {
+    const auto with_guards = grid.size() + 2 * static_cast<std::size_t>(grid.stride());
+    work.rays.x.assign(with_guards, 0.0F);
+    work.rays.y.assign(with_guards, 0.0F);
+    for (int v = 0; v < grid.height; ++v) {
+      for (int u = 0; u < grid.width; ++u) {
+        work.rays.x[RayTable::at(grid, u, v)] = map.rays[map.cell(u, v)].x();
+        work.rays.y[RayTable::at(grid, u, v)] = map.rays[map.cell(u, v)].y();
+      }
     }
   }
+  const auto blocks = static_cast<std::size_t>(2 * grid.words() * grid.height);
+  work.beside_holes.assign(blocks, 0);
+  work.near_holes.assign(blocks, 0);
   work.edges.resize(grid);
   for (BitImage* image : {&work.missing, &work.spread, &work.found}) image->resize(grid);
   for (Windows& windows : work.windows) {
     windows.fits.resize(grid);
     windows.holes.resize(grid);
   }
-  work.at_cell.resize(map.rays.size());
+  // Not set, so that memory is taken only where there are surfels.
+  work.at_cell = std::make_unique_for_overwrite<FoundSurfel[]>(map.rays.size());
 }
 
 void fit_windows(const EdgeRule& rule, int v_begin, int v_end, SurfelWork& work) {
@@ -82,6 +103,8 @@ void fit_windows(const EdgeRule& rule, int v_begin, int v_end, SurfelWork& work)
     for (int i = 0; i < grid.words(); ++i) work.missing.row(v)[i] = ~work.edges.valid.row(v)[i];
     keep_columns(work.missing, v, 0, grid.width);
   }
+  flag_holes(v_first, v_last, work);
+  spread_hole_flags(v_begin, v_end, work);
   for (std::size_t size = 0; size < kWindowSizes; ++size) {
     const int half = kWindowHalfSizes_px[size];
     Windows& windows = work.windows[size];
@@ -102,16 +125,19 @@ void fit_windows(const EdgeRule& rule, int v_begin, int v_end, SurfelWork& work)
 void find_in_region(const SurfelRule& rule, const Region& region, SurfelWork& work) {
   const Grid& grid = work.heights.grid;
   const int columns = region.u_end - region.u_begin;
-  const Region with_planes{region.u_begin - kPlanesReach_px, region.u_end + kPlanesReach_px,
-                           std::max(0, region.v_begin - kLargestHalf_px),
-                           std::min(grid.height, region.v_end + kLargestHalf_px)};
-  work.sums.start(region.u_begin - kSumsReach_px, columns + 2 * kSumsReach_px,
-                  std::max(0, region.v_begin - kSurfelReach_px), has_holes(work, with_planes));
+  const int sums_begin = region.u_begin - kSumsReach_px;
+  work.sums.start(sums_begin, columns + 2 * kSumsReach_px);
   for (std::size_t size = 0; size < kWindowSizes; ++size) {
-    work.planes[size].start(kWindowHalfSizes_px[size], with_planes.u_begin, with_planes.u_end - with_planes.u_begin);
+    work.planes[size].start(kWindowHalfSizes_px[size], region.u_begin - kPlanesReach_px, columns + 2 * kPlanesReach_px);
   }
+  int summed = std::max(0, region.v_begin - kSurfelReach_px);
   for (int v = region.v_begin - kSurfelReach_px; v < region.v_end; ++v) {
-    work.sums.advance(work.heights, std::min(grid.height, v + kSurfelReach_px + 1));
+    for (; summed < std::min(grid.height, v + kSurfelReach_px + 1); ++summed) {
+      const std::uint8_t* near_holes = work.near_holes.data() +
+                                       static_cast<std::ptrdiff_t>(summed) * grid.stride() / kSumBlock_px +
+                                       (sums_begin + kMargin_px) / kSumBlock_px;
+      work.sums.add_row(work.heights, summed, near_holes);
+    }
     for (std::size_t size = kWindowSizes; size-- > 0;) {
       const int half = kWindowHalfSizes_px[size];
       if (v + 2 * half < region.v_begin) continue;
@@ -121,7 +147,7 @@ void find_in_region(const SurfelRule& rule, const Region& region, SurfelWork& wo
     clear_found(work, region, v);
     for (std::size_t size = kWindowSizes; size-- > 0;) {
       surfels_of_row(rule, work.planes[size], work.rays, v, region.u_begin, region.u_end, work.found,
-                     work.at_cell.data());
+                     work.at_cell.get());
     }
   }
 }

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <array>
+#include <memory>
 
 #include "edges.hpp"
 #include "surfel_row.hpp"
@@ -27,10 +28,14 @@ struct SurfelWork {
   BitImage missing;
   BitImage spread;
   std::array<Windows, kWindowSizes> windows;
+  /// By row and block of kSumBlock_px columns, from padded column 0: a hole in the block or the one beside it, and
+  /// such a hole in any row that a window shares with this one.
+  std::vector<std::uint8_t> beside_holes;
+  std::vector<std::uint8_t> near_holes;
   WindowSums sums;
   std::array<PlaneRing, kWindowSizes> planes;
-  BitImage found;               ///< cells that have a surfel
-  std::vector<Surfel> at_cell;  ///< of the map's cells; only where `found` has a bit
+  BitImage found;                           ///< cells that have a surfel
+  std::unique_ptr<FoundSurfel[]> at_cell;   ///< of the map's cells; set only where `found` has a bit
 };
 
 /// Pixels [u_begin, u_end) × [v_begin, v_end); the columns are multiples of 32.

@@ -47,12 +47,14 @@ std::vector<WindowPlane> window_planes(const HeightMap& map, std::size_t size, b
       if (map.count[map.cell(u, v)] > 0) windows.fits.set(u, v);
     }
   }
-  const int columns = (width + 15) / 16 * 16;
-  work.sums.start(-32, columns + 64, 0, true);
+  const int columns = (width + 31) / 32 * 32;
+  const std::vector<std::uint8_t> near_holes(static_cast<std::size_t>(columns / 32 + 2), 1);
+  work.sums.start(-32, columns + 64);
   work.planes[size].start(half, 0, columns);
   std::vector<WindowPlane> planes(map.rays.size());
+  int summed = 0;
   for (int v = 0; v < height; ++v) {
-    work.sums.advance(work.heights, std::min(height, v + half + 1));
+    for (; summed < std::min(height, v + half + 1); ++summed) work.sums.add_row(work.heights, summed, near_holes.data());
     planes_of_row(work.sums, windows.fits, windows.holes, v, work.planes[size]);
     const PlaneRow row = work.planes[size].row(v);
     for (int u = 0; u < width; ++u) {
