@@ -13,6 +13,10 @@ void spread_in_rows(const BitImage& from, int by, int v_begin, int v_end, BitIma
       const std::uint64_t here = in[i];
       const std::uint64_t before = i > 0 ? in[i - 1] : 0;
       const std::uint64_t after = i + 1 < words ? in[i + 1] : 0;
+      if ((here | before | after) == 0) {
+        out[i] = 0;
+        continue;
+      }
       std::uint64_t bits = here;
       for (int k = 1; k <= by; ++k) bits |= here << k | before >> (64 - k) | here >> k | after << (64 - k);
       out[i] = bits;

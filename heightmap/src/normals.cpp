@@ -27,15 +27,14 @@ Surfel surfel_of(const FoundSurfel& found, std::size_t cell) {
 }
 
 void list_surfels(const SurfelWork& work, std::span<const std::uint8_t> skip, std::vector<Surfel>& out) {
-  const Grid& grid = work.found.grid;
+  const Grid& grid = work.heights.grid;
   out.clear();
   for (int v = 0; v < grid.height; ++v) {
-    const std::int64_t row = static_cast<std::int64_t>(v) * grid.width - kMargin_px;
-    for (int i = 0; i < grid.words(); ++i) {
-      for (std::uint64_t bits = work.found.row(v)[i]; bits != 0; bits &= bits - 1) {
-        const auto cell = static_cast<std::size_t>(row + 64 * i + std::countr_zero(bits));
-        if (skip.empty() || skip[cell] == 0) out.push_back(surfel_of(work.at_cell[cell], cell));
-      }
+    const std::size_t row = static_cast<std::size_t>(v) * static_cast<std::size_t>(grid.width);
+    const FoundSurfel* found = work.found.get() + row;
+    for (int i = 0; i < work.found_count[static_cast<std::size_t>(v)]; ++i) {
+      const std::size_t cell = row + static_cast<std::size_t>(found[i].u);
+      if (skip.empty() || skip[cell] == 0) out.push_back(surfel_of(found[i], cell));
     }
   }
 }

@@ -1,6 +1,8 @@
 #include "surfel_region.hpp"
 
 #include <algorithm>
+#include <bit>
+#include <cstring>
 
 namespace tubetrack {
 
@@ -53,10 +55,23 @@ void spread_hole_flags(int v_begin, int v_end, SurfelWork& work) {
   }
 }
 
-void clear_found(SurfelWork& work, const Region& region, int v) {
-  for (int u = region.u_begin; u < region.u_end; u += 32) {
-    const int padded = u + kMargin_px;
-    work.found.row(v)[padded / 64] &= ~(std::uint64_t{0xffffffff} << (padded % 64));
+/// Puts the new surfels of a row in the place of those that the region had.
+void replace_found(const Region& region, int v, SurfelWork& work) {
+  FoundSurfel* row = work.found.get() + static_cast<std::ptrdiff_t>(v) * work.heights.grid.width;
+  int& count = work.found_count[static_cast<std::size_t>(v)];
+  const auto column_less = [](const FoundSurfel& surfel, int u) { return surfel.u < u; };
+  FoundSurfel* first = std::lower_bound(row, row + count, region.u_begin, column_less);
+  FoundSurfel* last = std::lower_bound(first, row + count, region.u_end, column_less);
+  const int word_begin = (region.u_begin + kMargin_px) / 64;
+  const int word_end = (region.u_end + kMargin_px + 63) / 64;
+  int fresh = 0;
+  for (int i = word_begin; i < word_end; ++i) fresh += std::popcount(work.row_found[static_cast<std::size_t>(i)]);
+  std::memmove(first + fresh, last, static_cast<std::size_t>(row + count - last) * sizeof(FoundSurfel));
+  count += fresh - static_cast<int>(last - first);
+  for (int i = word_begin; i < word_end; ++i) {
+    for (std::uint64_t bits = work.row_found[static_cast<std::size_t>(i)]; bits != 0; bits &= bits - 1) {
+      *first++ = work.row_surfels[static_cast<std::size_t>(64 * i + std::countr_zero(bits) - kMargin_px)];
+    }
   }
 }
 
@@ -85,13 +100,16 @@ void prepare(const HeightMap& map, SurfelWork& work) {
   work.beside_holes.assign(blocks, 0);
   work.near_holes.assign(blocks, 0);
   work.edges.resize(grid);
-  for (BitImage* image : {&work.missing, &work.spread, &work.found}) image->resize(grid);
+  for (BitImage* image : {&work.missing, &work.spread}) image->resize(grid);
   for (Windows& windows : work.windows) {
     windows.fits.resize(grid);
     windows.holes.resize(grid);
   }
+  work.row_found.assign(static_cast<std::size_t>(grid.words()), 0);
+  work.row_surfels.resize(static_cast<std::size_t>(grid.stride()));
   // Not set, so that memory is taken only where there are surfels.
-  work.at_cell = std::make_unique_for_overwrite<FoundSurfel[]>(map.rays.size());
+  work.found = std::make_unique_for_overwrite<FoundSurfel[]>(map.rays.size());
+  work.found_count.assign(static_cast<std::size_t>(grid.height), 0);
 }
 
 void fit_windows(const EdgeRule& rule, int v_begin, int v_end, SurfelWork& work) {
@@ -144,11 +162,12 @@ void find_in_region(const SurfelRule& rule, const Region& region, SurfelWork& wo
       planes_of_row(work.sums, work.windows[size].fits, work.windows[size].holes, v + half, work.planes[size]);
     }
     if (v < region.v_begin) continue;
-    clear_found(work, region, v);
+    std::fill(work.row_found.begin(), work.row_found.end(), std::uint64_t{0});
     for (std::size_t size = kWindowSizes; size-- > 0;) {
-      surfels_of_row(rule, work.planes[size], work.rays, v, region.u_begin, region.u_end, work.found,
-                     work.at_cell.get());
+      surfels_of_row(rule, work.planes[size], work.rays, grid, v, region.u_begin, region.u_end, work.row_found.data(),
+                     work.row_surfels.data());
     }
+    replace_found(region, v, work);
   }
 }
 

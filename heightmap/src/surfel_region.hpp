@@ -34,8 +34,10 @@ struct SurfelWork {
   std::vector<std::uint8_t> near_holes;
   WindowSums sums;
   std::array<PlaneRing, kWindowSizes> planes;
-  BitImage found;                           ///< cells that have a surfel
-  std::unique_ptr<FoundSurfel[]> at_cell;   ///< of the map's cells; set only where `found` has a bit
+  std::vector<std::uint64_t> row_found;  ///< of one row: columns with a surfel
+  std::vector<FoundSurfel> row_surfels;  ///< and it, by column
+  std::unique_ptr<FoundSurfel[]> found;  ///< by row, room for one a column, in order of columns
+  std::vector<int> found_count;          ///< by row
 };
 
 /// Pixels [u_begin, u_end) × [v_begin, v_end); the columns are multiples of 32.

@@ -22,6 +22,7 @@ using V = hn::Vec<D>;
 using M = hn::Mask<D>;
 
 constexpr float kRoot2 = 1.41421356F;
+alignas(64) constexpr float kLane[16] = {0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15};
 
 HWY_INLINE V Set(float value) {
   return hn::Set(D(), value);
@@ -34,8 +35,7 @@ HWY_INLINE std::uint64_t Bits(M mask) {
 }
 
 HWY_INLINE M MaskOf(std::uint64_t bits) {
-  const std::uint8_t bytes[8] = {static_cast<std::uint8_t>(bits), static_cast<std::uint8_t>(bits >> 8)};
-  return hn::LoadMaskBits(D(), bytes);
+  return hn::LoadMaskBits(D(), reinterpret_cast<const std::uint8_t*>(&bits));  // little-endian, as Highway's targets
 }
 
 struct V3 {
@@ -120,7 +120,7 @@ struct Rays {
 };
 
 HWY_INLINE Rays RaysWithoutDistortion(const SurfelRule& rule, int u, int v, V slope_u, V slope_v) {
-  const V x = hn::Sub(hn::Iota(D(), static_cast<float>(u)), Set(rule.cx_px));
+  const V x = hn::Sub(hn::Add(hn::Load(D(), kLane), Set(static_cast<float>(u))), Set(rule.cx_px));
   return {hn::Mul(x, Set(1.0F / rule.fx_px)), Set((static_cast<float>(v) - rule.cy_px) * (1.0F / rule.fy_px)),
           hn::Mul(slope_u, Set(rule.fx_px)), hn::Mul(slope_v, Set(rule.fy_px)),
           Set(std::max(rule.fx_px, rule.fy_px))};
@@ -219,10 +219,10 @@ HWY_INLINE Curvature CurvatureOf(const SurfelRule& rule, const Neighbourhood& n,
 struct Lanes {
   alignas(64) float x[16], y[16], z[16], nx[16], ny[16], nz[16], sigma[16], low[16], high[16];
 
-  void write(std::uint64_t bits, FoundSurfel* out) const {
+  void write(std::uint64_t bits, int u, FoundSurfel* out) const {
     for (; bits != 0; bits &= bits - 1) {
       const int i = std::countr_zero(bits);
-      out[i] = {x[i], y[i], z[i], nx[i], ny[i], nz[i], sigma[i], low[i], high[i]};
+      out[i] = {u + i, x[i], y[i], z[i], nx[i], ny[i], nz[i], sigma[i], low[i], high[i]};
     }
   }
 };
@@ -259,9 +259,9 @@ std::uint64_t Surfels(const SurfelRule& rule, const Neighbourhood& n, int i, M c
   return bits;
 }
 
-/// Columns are those of the planes: [begin, end) of them, the first at padded column `padded_begin` and map cell `cell`.
-void SurfelsOfRow(const SurfelRule& rule, const Neighbourhood& n, int begin, int end, int padded_begin,
-                  std::int64_t cell, std::uint64_t* found, FoundSurfel* at_cell) {
+/// Columns are those of the planes: [begin, end) of them.
+void SurfelsOfRow(const SurfelRule& rule, const Neighbourhood& n, int begin, int end, std::uint64_t* found,
+                  FoundSurfel* out) {
   const D d;
   const int step = static_cast<int>(hn::Lanes(d));
   const std::uint64_t lane_bits = (std::uint64_t{1} << step) - 1;
@@ -272,7 +272,8 @@ void SurfelsOfRow(const SurfelRule& rule, const Neighbourhood& n, int begin, int
     const V here = hn::LoadU(d, n.row.slope_u + i);
     M open = hn::Lt(here, Set(0.5F * kNoPlane));
     if (hn::AllFalse(d, open)) continue;
-    const int padded = padded_begin + i - begin;
+    const int u = n.u_begin + i;
+    const int padded = u + kMargin_px;
     std::uint64_t& word = found[padded / 64];
     const int shift = padded % 64;
     open = hn::And(open, MaskOf(~word >> shift & lane_bits));
@@ -286,7 +287,7 @@ void SurfelsOfRow(const SurfelRule& rule, const Neighbourhood& n, int begin, int
     const std::uint64_t bits = Surfels(rule, n, i, open, across, down, lanes);
     if (bits == 0) continue;
     word |= bits << shift;
-    lanes.write(bits, at_cell + cell + i - begin);
+    lanes.write(bits, u, out + u);
   }
 }
 
@@ -312,10 +313,8 @@ SurfelRule::SurfelRule(const Intrinsics& in, float longest_ray2, const NoiseMode
       radius_min_m(static_cast<float>(options.radius_min_m)),
       radius_max_m(static_cast<float>(options.radius_max_m)) {}
 
-void surfels_of_row(const SurfelRule& rule, PlaneRing& planes, const RayTable& rays, int v, int u_begin, int u_end,
-                    BitImage& found, FoundSurfel* at_cell) {
-  const Grid& grid = found.grid;
-  const int begin = planes.index(u_begin);
+void surfels_of_row(const SurfelRule& rule, PlaneRing& planes, const RayTable& rays, const Grid& grid, int v,
+                    int u_begin, int u_end, std::uint64_t* found, FoundSurfel* row) {
   const int half = planes.half_px();
   Neighbourhood n{planes.row(v), planes.row(v - half), planes.row(v + half), nullptr, nullptr, grid.stride(),
                   planes.u_begin(), v, half};
@@ -324,9 +323,7 @@ void surfels_of_row(const SurfelRule& rule, PlaneRing& planes, const RayTable& r
     n.ray_x = rays.x.data() + ray_at;
     n.ray_y = rays.y.data() + ray_at;
   }
-  const std::int64_t cell = static_cast<std::int64_t>(v) * grid.width + u_begin;
-  HWY_DYNAMIC_DISPATCH(SurfelsOfRow)
-  (rule, n, begin, planes.index(u_end), u_begin + kMargin_px, cell, found.row(v), at_cell);
+  HWY_DYNAMIC_DISPATCH(SurfelsOfRow)(rule, n, planes.index(u_begin), planes.index(u_end), found, row);
 }
 
 }  // namespace tubetrack

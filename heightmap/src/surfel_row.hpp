@@ -38,8 +38,9 @@ struct SurfelRule {
   bool operator==(const SurfelRule&) const = default;
 };
 
-/// A surfel, as it is kept for its cell.
+/// A surfel, as it is kept for its row.
 struct FoundSurfel {
+  int u;
   float x_m, y_m, z_m;
   float normal_x, normal_y, normal_z;
   float sigma_m;
@@ -58,8 +59,8 @@ struct Neighbourhood {
 };
 
 /// Surfels from the planes of one size in row `v`, columns [u_begin, u_end): where `found` has no bit yet and the
-/// curvature passes the gate. Sets the bits of `found`, and the surfels in `at_cell` (by cell of the map).
-void surfels_of_row(const SurfelRule& rule, PlaneRing& planes, const RayTable& rays, int v, int u_begin, int u_end,
-                    BitImage& found, FoundSurfel* at_cell);
+/// curvature passes the gate. Sets the bits of `found` (of the padded row), and the surfels in `row` (by image column).
+void surfels_of_row(const SurfelRule& rule, PlaneRing& planes, const RayTable& rays, const Grid& grid, int v,
+                    int u_begin, int u_end, std::uint64_t* found, FoundSurfel* row);
 
 }  // namespace tubetrack

@@ -22,10 +22,8 @@ using DI = hn::Rebind<std::int32_t, D>;
 using V = hn::Vec<D>;
 using VU = hn::Vec<DU>;
 
-HWY_INLINE hn::Mask<D> MaskOf(std::uint64_t word, int first) {
-  const std::uint64_t bits = word >> first;
-  const std::uint8_t bytes[8] = {static_cast<std::uint8_t>(bits), static_cast<std::uint8_t>(bits >> 8)};
-  return hn::LoadMaskBits(D(), bytes);
+HWY_INLINE hn::Mask<D> MaskOf(std::uint64_t bits) {
+  return hn::LoadMaskBits(D(), reinterpret_cast<const std::uint8_t*>(&bits));  // little-endian, as Highway's targets
 }
 
 HWY_INLINE V Signed(VU sum) {
@@ -48,6 +46,22 @@ struct Corners {
   }
 };
 
+/// What of a full window is constant: the moments of (du, dv), as factors.
+struct FullWindow {
+  float per_cell;
+  float per_moment;
+  float variance_per_moment;
+
+  explicit FullWindow(int half) {
+    const int side = 2 * half + 1;
+    const float cells = static_cast<float>(side * side);
+    const float moment = static_cast<float>(side * side * half * (half + 1) / 3);  // Σ du²
+    per_cell = kHeightUnit_per_m / cells;
+    per_moment = kHeightUnit_per_m / moment;
+    variance_per_moment = kVarianceUnit_per_m2 / cells / moment;
+  }
+};
+
 struct Planes {
   V slope_u;
   V slope_v;
@@ -56,18 +70,14 @@ struct Planes {
   hn::Mask<D> known;
 };
 
-/// Windows in which every cell has a height: the moments of (du, dv) are constants.
-HWY_INLINE Planes FullWindows(const Corners& window, int half, VU u, VU v) {
+HWY_INLINE Planes FullWindows(const Corners& window, const FullWindow& full, VU u, VU v) {
   const D d;
-  const int side = 2 * half + 1;
-  const float cells = static_cast<float>(side * side);
-  const float moment = static_cast<float>(side * side * half * (half + 1) / 3);  // Σ du²
   const VU h = window.sum(kH);
-  const V slope = hn::Set(d, kHeightUnit_per_m / moment);
+  const V slope = hn::Set(d, full.per_moment);
   return {hn::Mul(Signed(hn::Sub(window.sum(kUH), hn::Mul(u, h))), slope),
           hn::Mul(Signed(hn::Sub(window.sum(kVH), hn::Mul(v, h))), slope),
-          hn::Mul(Signed(window.sum(kVariance)), hn::Set(d, kVarianceUnit_per_m2 / cells / moment)),
-          hn::Mul(Signed(h), hn::Set(d, kHeightUnit_per_m / cells)), hn::Gt(Signed(h), hn::Zero(d))};
+          hn::Mul(Signed(window.sum(kVariance)), hn::Set(d, full.variance_per_moment)),
+          hn::Mul(Signed(h), hn::Set(d, full.per_cell)), hn::Gt(Signed(h), hn::Zero(d))};
 }
 
 /// Windows with gaps: the moments are summed, and solved for. No plane where too few cells or no slope is determined.
@@ -114,6 +124,8 @@ void PlanesOfRow(const std::uint32_t* top, const std::uint32_t* bottom, std::siz
   const DU du;
   const int lanes = static_cast<int>(hn::Lanes(d));
   const VU row = hn::Set(du, static_cast<std::uint32_t>(v));
+  const VU lane = hn::Iota(du, 0U);  // slow where it is needed anew
+  const FullWindow full_window(half);
   const std::uint64_t lane_bits = (std::uint64_t{1} << lanes) - 1;
   for (int i = 0; i < columns; i += lanes) {
     const int padded = u_begin + i + kMargin_px;
@@ -125,10 +137,10 @@ void PlanesOfRow(const std::uint32_t* top, const std::uint32_t* bottom, std::siz
     const std::size_t at = static_cast<std::size_t>(sums_offset + i);
     const Corners window{top, bottom, stride, at - static_cast<std::size_t>(half),
                          at + static_cast<std::size_t>(half) + 1};
-    const VU u = hn::Iota(du, static_cast<std::uint32_t>(u_begin + i));
+    const VU u = hn::Add(lane, hn::Set(du, static_cast<std::uint32_t>(u_begin + i)));
     const bool full = (holes[padded / 64] >> (padded % 64) & fit) == 0;
-    const Planes planes = full ? FullWindows(window, half, u, row) : WindowsWithHoles(window, half, u, row);
-    const auto known = hn::And(planes.known, MaskOf(fit, 0));
+    const Planes planes = full ? FullWindows(window, full_window, u, row) : WindowsWithHoles(window, half, u, row);
+    const auto known = hn::And(planes.known, MaskOf(fit));
     hn::StoreU(hn::IfThenElse(known, planes.slope_u, hn::Set(d, kNoPlane)), d, out.slope_u + i);
     hn::StoreU(planes.slope_v, d, out.slope_v + i);
     hn::StoreU(hn::Sqrt(planes.slope_variance), d, out.slope_sigma + i);

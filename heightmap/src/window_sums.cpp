@@ -37,6 +37,7 @@ void AddRow(const std::int32_t* height, const std::int32_t* variance, int u_begi
   const D d;
   const V row = hn::Set(d, static_cast<std::uint32_t>(v));
   const V one = hn::Set(d, 1U);
+  const V lane = hn::Iota(d, 0U);  // slow where it is needed anew
   const int lanes = static_cast<int>(hn::Lanes(d));
   const auto add = [&](int channel, int i, V sums) HWY_ATTR {
     const std::size_t at = static_cast<std::size_t>(channel) * stride + static_cast<std::size_t>(i) + 1;
@@ -51,7 +52,7 @@ void AddRow(const std::int32_t* height, const std::int32_t* variance, int u_begi
     const V sum_h = Prefix(h, carry_h);
     add(kH, i, sum_h);
     add(kVH, i, hn::Mul(row, sum_h));
-    add(kUH, i, Prefix(hn::Mul(hn::Iota(d, static_cast<std::uint32_t>(u_begin + i)), h), carry_uh));
+    add(kUH, i, Prefix(hn::Mul(hn::Add(lane, hn::Set(d, static_cast<std::uint32_t>(u_begin + i))), h), carry_uh));
     add(kVariance, i, Prefix(hn::LoadU(d, reinterpret_cast<const std::uint32_t*>(variance + i)), carry_variance));
   }
   V carry_n = hn::Zero(d);
@@ -59,7 +60,7 @@ void AddRow(const std::int32_t* height, const std::int32_t* variance, int u_begi
   V carry_uu = hn::Zero(d);
   for (int i = 0; i < columns; i += lanes) {
     if (!near_holes[i / kSumBlock_px]) continue;
-    const V u = hn::Iota(d, static_cast<std::uint32_t>(u_begin + i));
+    const V u = hn::Add(lane, hn::Set(d, static_cast<std::uint32_t>(u_begin + i)));
     const V n = hn::Min(hn::LoadU(d, reinterpret_cast<const std::uint32_t*>(height + i)), one);
     const V nu = hn::Mul(n, u);
     const V sum_n = Prefix(n, carry_n);
