@@ -1,15 +1,17 @@
 #include "tubetrack/heightmap/normals.hpp"
 
 #include <algorithm>
-#include <bit>
-#include <cmath>
+#include <optional>
 
-#include "surfel_region.hpp"
+#include "tiles.hpp"
 
 namespace tubetrack {
 
 struct SurfelFinder::State {
   SurfelWork work;
+  TileLedger tiles;
+  std::optional<SurfelRule> rule;  ///< of the last frame
+  std::optional<EdgeRule> edge_rule;
   std::vector<Surfel> surfels;
 };
 
@@ -48,17 +50,20 @@ SurfelFinder::~SurfelFinder() = default;
 
 std::span<const Surfel> SurfelFinder::find(const HeightMap& map, const NoiseModel& noise, const SurfelOptions& options,
                                            std::span<const std::uint8_t> skip) {
-  SurfelWork& work = state_->work;
-  const int width = map.intrinsics.width;
-  const int height = map.intrinsics.height;
-  if (work.heights.grid.width != width || work.heights.grid.height != height) prepare(map, work);
-  const SurfelRule rule(map.intrinsics, work.longest_ray2, noise, options);
+  State& s = *state_;
+  if (s.work.heights.grid.width != map.intrinsics.width || s.work.heights.grid.height != map.intrinsics.height) {
+    prepare(map, s.work);
+    s.tiles.start(map);
+    s.surfels.reserve(map.rays.size());
+  }
+  const SurfelRule rule(map.intrinsics, s.work.longest_ray2, noise, options);
   const EdgeRule edge_rule(noise, map.intrinsics.fx_px);
-  for (int v = 0; v < height; ++v) take_heights(map, v, 0, width, work.heights);
-  fit_windows(edge_rule, 0, height, work);
-  find_in_region(rule, {0, (width + 31) / 32 * 32, 0, height}, work);
-  list_surfels(work, skip, state_->surfels);
-  return state_->surfels;
+  if (s.rule != rule || s.edge_rule != edge_rule) s.tiles.forget();
+  s.rule = rule;
+  s.edge_rule = edge_rule;
+  find_in_regions(rule, edge_rule, s.tiles.take_due(map, s.work.heights), s.work);
+  list_surfels(s.work, skip, s.surfels);
+  return s.surfels;
 }
 
 std::vector<Surfel> tube_surfels(const HeightMap& map, const NoiseModel& noise, const SurfelOptions& options) {

@@ -19,7 +19,8 @@ using D = hn::CappedTag<float, 16>;
 using DI = hn::Rebind<std::int32_t, D>;
 using D8 = hn::Rebind<std::uint8_t, D>;
 
-HWY_INLINE void TakeCells(const float* height, const float* variance, const std::uint8_t* count, std::int32_t* height_out,
+/// Whether every cell has a height.
+HWY_INLINE bool TakeCells(const float* height, const float* variance, const std::uint8_t* count, std::int32_t* height_out,
                           std::int32_t* variance_out) {
   const D d;
   const DI di;
@@ -31,17 +32,19 @@ HWY_INLINE void TakeCells(const float* height, const float* variance, const std:
   const auto limited = hn::Min(s, hn::Set(d, static_cast<float>(kVarianceLimit)));
   hn::StoreU(hn::ConvertTo(di, hn::IfThenElseZero(usable, h)), di, height_out);
   hn::StoreU(hn::ConvertTo(di, hn::IfThenElseZero(usable, limited)), di, variance_out);
+  return hn::AllTrue(d, usable);
 }
 
-void TakeRow(const float* height, const float* variance, const std::uint8_t* count, int cells,
+bool TakeRow(const float* height, const float* variance, const std::uint8_t* count, int cells,
              std::int32_t* height_out, std::int32_t* variance_out) {
   const int lanes = static_cast<int>(hn::Lanes(D()));
+  bool all = true;
   int i = 0;
   for (; i + lanes <= cells; i += lanes) {
-    TakeCells(height + i, variance + i, count + i, height_out + i, variance_out + i);
+    all &= TakeCells(height + i, variance + i, count + i, height_out + i, variance_out + i);
   }
   const int left = std::min(cells - i, 16);
-  if (left <= 0) return;
+  if (left <= 0) return all;
   float last_height[16] = {};
   float last_variance[16] = {};
   std::uint8_t last_count[16] = {};
@@ -50,6 +53,7 @@ void TakeRow(const float* height, const float* variance, const std::uint8_t* cou
   std::copy_n(count + i, left, last_count);
   // What is written beyond the last cell is zero, in the margin.
   TakeCells(last_height, last_variance, last_count, height_out + i, variance_out + i);
+  return all && std::find(height_out + i, height_out + cells, 0) == height_out + cells;
 }
 
 }  // namespace
@@ -62,12 +66,16 @@ namespace tubetrack {
 
 HWY_EXPORT(TakeRow);
 
-void take_heights(const HeightMap& map, int v, int u_begin, int u_end, Heights& out) {
-  const std::size_t from = map.cell(u_begin, v);
-  const std::size_t to = out.grid.at(u_begin, v);
-  HWY_DYNAMIC_DISPATCH(TakeRow)
-  (map.inverse_depth_per_m.data() + from, map.variance_per_m2.data() + from, map.count.data() + from, u_end - u_begin,
-   out.height.data() + to, out.variance.data() + to);
+bool take_heights(const HeightMap& map, const Region& region, Heights& out) {
+  bool all = true;
+  for (int v = region.v_begin; v < region.v_end; ++v) {
+    const std::size_t from = map.cell(region.u_begin, v);
+    const std::size_t to = out.grid.at(region.u_begin, v);
+    all &= HWY_DYNAMIC_DISPATCH(TakeRow)(map.inverse_depth_per_m.data() + from, map.variance_per_m2.data() + from,
+                                         map.count.data() + from, region.u_end - region.u_begin,
+                                         out.height.data() + to, out.variance.data() + to);
+  }
+  return all;
 }
 
 }  // namespace tubetrack
