@@ -22,10 +22,21 @@ struct BitImage {
   void set(int u, int v) { row(v)[(u + kMargin_px) / 64] |= std::uint64_t{1} << ((u + kMargin_px) % 64); }
 };
 
-/// `to` gets, in rows [v_begin, v_end), the bits of `from` and those up to `by` ≤ 15 columns beside them.
-void spread_in_rows(const BitImage& from, int by, int v_begin, int v_end, BitImage& to);
+/// Rows [v_begin, v_end) of words [word_begin, word_end).
+struct WordArea {
+  int v_begin = 0;
+  int v_end = 0;
+  int word_begin = 0;
+  int word_end = 0;
+};
 
-/// `to` gets, in rows [v_begin, v_end), the bits of `from` in rows up to `by` above and below.
-void spread_over_rows(const BitImage& from, int by, int v_begin, int v_end, BitImage& to);
+/// `to` gets the bits of `from` and those up to `by` ≤ 15 columns beside them.
+void spread_in_rows(const BitImage& from, int by, const WordArea& area, BitImage& to);
+
+/// `to` gets the bits of `from` in rows up to `by` above and below.
+void spread_over_rows(const BitImage& from, int by, const WordArea& area, BitImage& to);
+
+/// Clears the bits of columns outside [u_begin, u_end).
+void keep_columns(int u_begin, int u_end, const WordArea& area, BitImage& image);
 
 }  // namespace tubetrack

@@ -21,7 +21,7 @@ using D = hn::CappedTag<float, 16>;
 using V = hn::Vec<D>;
 
 /// EdgeRule::is_edge for neighbours.
-hn::Mask<D> IsEdge(const EdgeRule& rule, V a, V b) {
+HWY_INLINE hn::Mask<D> IsEdge(const EdgeRule& rule, V a, V b) {
   const D d;
   const V zero = hn::Zero(d);
   const V mean = hn::Mul(hn::Set(d, 0.5F), hn::Add(a, b));
@@ -40,20 +40,20 @@ hn::Mask<D> IsEdge(const EdgeRule& rule, V a, V b) {
   return hn::And(steep, hn::Gt(jump, allowed));
 }
 
-std::uint64_t Bits(hn::Mask<D> mask) {
+HWY_INLINE std::uint64_t Bits(hn::Mask<D> mask) {
   std::uint8_t bytes[8] = {};
   hn::StoreMaskBits(D(), mask, bytes);
   return bytes[0] | static_cast<std::uint64_t>(bytes[1]) << 8;
 }
 
 /// Edges to the right neighbour and to the row below, and where there are heights; 64 columns a word.
-void EdgesOfRow(const EdgeRule& rule, const std::int32_t* row, const std::int32_t* below, int words,
+void EdgesOfRow(const EdgeRule& rule, const std::int32_t* row, const std::int32_t* below, int word_begin, int word_end,
                 std::uint64_t* valid, std::uint64_t* right, std::uint64_t* down) {
   const D d;
   const hn::Rebind<std::int32_t, D> di;
   const int lanes = static_cast<int>(hn::Lanes(d));
   const V unit = hn::Set(d, kHeightUnit_per_m);
-  for (int word = 0; word < words; ++word) {
+  for (int word = word_begin; word < word_end; ++word) {
     std::uint64_t valid_bits = 0;
     std::uint64_t right_bits = 0;
     std::uint64_t down_bits = 0;
@@ -84,48 +84,42 @@ HWY_EXPORT(EdgesOfRow);
 
 namespace {
 
-/// Edges across gaps in a row: from each cell before a gap to the next with a height.
-void edges_across_columns(const Heights& heights, const EdgeRule& rule, const BitImage& valid, int v, BitImage& edges) {
-  const std::uint64_t* bits = valid.row(v);
-  const int words = valid.grid.words();
-  for (int i = 0; i < words; ++i) {
-    const std::uint64_t next = i + 1 < words ? bits[i + 1] : 0;
-    std::uint64_t starts = bits[i] & ~(bits[i] >> 1 | next << 63);
-    for (; starts != 0; starts &= starts - 1) {
-      const int u = 64 * i + std::countr_zero(starts) - kMargin_px;
-      for (int gap = 2; gap <= kGapLimit_px && u + gap < valid.grid.width; ++gap) {
-        if (!valid.get(u + gap, v)) continue;
-        const std::size_t at = heights.grid.at(u, v);
-        if (rule.is_edge(heights.height[at], heights.height[at + static_cast<std::size_t>(gap)], gap)) {
-          edges.set(u, v);
-          edges.set(u + gap, v);
-        }
-        break;
-      }
+/// Edges across gaps of a cell beside one: `du`, `dv` is the way to the gap.
+void edge_across_gap(const Heights& heights, const EdgeRule& rule, const BitImage& valid, int u, int v, int du, int dv,
+                     BitImage& edges) {
+  for (int gap = 2; gap <= kGapLimit_px; ++gap) {
+    const int other_u = u + du * gap;
+    const int other_v = v + dv * gap;
+    if (other_u < 0 || other_u >= valid.grid.width || other_v < 0 || other_v >= valid.grid.height) return;
+    if (!valid.get(other_u, other_v)) continue;
+    if (rule.is_edge(heights.height[heights.grid.at(u, v)], heights.height[heights.grid.at(other_u, other_v)], gap)) {
+      edges.set(u, v);
     }
+    return;
   }
 }
 
-/// Edges across gaps in columns, of the cells in row v below or above a gap (`step` −1 or 1: where the gap is).
-void edges_across_rows(const Heights& heights, const EdgeRule& rule, const BitImage& valid, int v, int step,
+/// The cells of one word that have a neighbour without height.
+void edges_across_gaps(const Heights& heights, const EdgeRule& rule, const BitImage& valid, int v, int word,
                        BitImage& edges) {
-  if (v + step < 0 || v + step >= valid.grid.height) return;
-  const std::uint64_t* bits = valid.row(v);
-  const std::uint64_t* beside = valid.row(v + step);
-  for (int i = 0; i < valid.grid.words(); ++i) {
-    for (std::uint64_t starts = bits[i] & ~beside[i]; starts != 0; starts &= starts - 1) {
-      const int u = 64 * i + std::countr_zero(starts) - kMargin_px;
-      for (int gap = 2; gap <= kGapLimit_px; ++gap) {
-        const int other = v + step * gap;
-        if (other < 0 || other >= valid.grid.height) break;
-        if (!valid.get(u, other)) continue;
-        if (rule.is_edge(heights.height[heights.grid.at(u, v)], heights.height[heights.grid.at(u, other)], gap)) {
-          edges.set(u, v);
-        }
-        break;
-      }
+  const std::uint64_t* row = valid.row(v);
+  const std::uint64_t here = row[word];
+  // Beyond the image there is nothing to find, nor in the margins a cell to find it for.
+  const std::uint64_t left = here << 1 | row[word - 1] >> 63;
+  const std::uint64_t right = here >> 1 | row[word + 1] << 63;
+  const std::uint64_t above = v > 0 ? valid.row(v - 1)[word] : here;
+  const std::uint64_t below = v + 1 < valid.grid.height ? valid.row(v + 1)[word] : here;
+  if ((here & ~(left & right & above & below)) == 0) return;
+  const auto each = [&](std::uint64_t bits, int du, int dv) {
+    for (; bits != 0; bits &= bits - 1) {
+      const int u = 64 * word + std::countr_zero(bits) - kMargin_px;
+      edge_across_gap(heights, rule, valid, u, v, du, dv, edges);
     }
-  }
+  };
+  each(here & ~left, -1, 0);
+  each(here & ~right, 1, 0);
+  each(here & ~above, 0, -1);
+  each(here & ~below, 0, 1);
 }
 
 }  // namespace
@@ -145,25 +139,25 @@ bool EdgeRule::is_edge(std::int32_t a, std::int32_t b, int gap_px) const {
   return std::abs(wb - wa) * (mean * mean) > wa * wb * (4.0F * sigma + slope);
 }
 
-void find_edges(const Heights& heights, const EdgeRule& rule, int v_begin, int v_end, Edges& out) {
+void compare_neighbours(const Heights& heights, const EdgeRule& rule, const WordArea& area, Edges& out) {
   const Grid& grid = heights.grid;
-  const int words = grid.words();
-  for (int v = std::max(0, v_begin - kGapLimit_px); v < std::min(grid.height, v_end + kGapLimit_px); ++v) {
+  for (int v = area.v_begin; v < area.v_end; ++v) {
     const std::int32_t* row = heights.height.data() + grid.at(-kMargin_px, v);
     const std::int32_t* below = v + 1 < grid.height ? row + grid.stride() : row;
-    HWY_DYNAMIC_DISPATCH(EdgesOfRow)(rule, row, below, words, out.valid.row(v), out.right.row(v), out.down.row(v));
+    HWY_DYNAMIC_DISPATCH(EdgesOfRow)
+    (rule, row, below, area.word_begin, area.word_end, out.valid.row(v), out.right.row(v), out.down.row(v));
   }
-  for (int v = v_begin; v < v_end; ++v) {
+}
+
+void find_edges(const Heights& heights, const EdgeRule& rule, const WordArea& area, Edges& out) {
+  for (int v = area.v_begin; v < area.v_end; ++v) {
     const std::uint64_t* right = out.right.row(v);
     const std::uint64_t* down = out.down.row(v);
-    const std::uint64_t* above = v > 0 ? out.down.row(v - 1) : nullptr;
-    for (int i = 0; i < words; ++i) {
-      const std::uint64_t from_left = right[i] << 1 | (i > 0 ? right[i - 1] >> 63 : 0);
-      out.edges.row(v)[i] = right[i] | from_left | down[i] | (above ? above[i] : 0);
+    for (int i = area.word_begin; i < area.word_end; ++i) {
+      const std::uint64_t above = v > 0 ? out.down.row(v - 1)[i] : 0;
+      out.edges.row(v)[i] = right[i] | right[i] << 1 | right[i - 1] >> 63 | down[i] | above;
+      edges_across_gaps(heights, rule, out.valid, v, i, out.edges);
     }
-    edges_across_columns(heights, rule, out.valid, v, out.edges);
-    edges_across_rows(heights, rule, out.valid, v, -1, out.edges);
-    edges_across_rows(heights, rule, out.valid, v, 1, out.edges);
   }
 }
 

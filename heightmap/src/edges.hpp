@@ -32,7 +32,10 @@ struct Edges {
   }
 };
 
-/// Fills rows [v_begin, v_end); the heights of rows up to kGapLimit_px beside them are looked at.
-void find_edges(const Heights& heights, const EdgeRule& rule, int v_begin, int v_end, Edges& out);
+/// Compares neighbours: `valid`, `right` and `down` of an area.
+void compare_neighbours(const Heights& heights, const EdgeRule& rule, const WordArea& area, Edges& out);
+
+/// `edges` of an area, from what `compare_neighbours` left in it and up to kGapLimit_px around.
+void find_edges(const Heights& heights, const EdgeRule& rule, const WordArea& area, Edges& out);
 
 }  // namespace tubetrack

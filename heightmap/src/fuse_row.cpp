@@ -26,7 +26,7 @@ using V = hn::Vec<D>;
 constexpr int kMaxCount = 30;
 
 /// One vector of cells. True where one of them changed.
-bool FuseCells(const FuseOptions& o, const CellRow& row, int i) {
+HWY_INLINE bool FuseCells(const FuseOptions& o, const CellRow& row, int i) {
   const D d;
   const DI di;
   const D8 d8;

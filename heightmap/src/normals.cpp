@@ -1,30 +1,42 @@
 #include "tubetrack/heightmap/normals.hpp"
 
 #include <algorithm>
-#include <bit>
-#include <cmath>
+#include <optional>
 
-#include "surfel_region.hpp"
+#include "tiles.hpp"
 
 namespace tubetrack {
 
 struct SurfelFinder::State {
   SurfelWork work;
+  TileLedger tiles;
+  std::optional<SurfelRule> rule;  ///< of the last frame
+  std::optional<EdgeRule> edge_rule;
   std::vector<Surfel> surfels;
 };
 
 namespace {
 
+Surfel surfel_of(const FoundSurfel& found, std::size_t cell) {
+  Surfel surfel;
+  surfel.position_m = {found.x_m, found.y_m, found.z_m};
+  surfel.inward_normal = {found.normal_x, found.normal_y, found.normal_z};
+  surfel.sigma_m = found.sigma_m;
+  surfel.radius_min_m = found.radius_min_m;
+  surfel.radius_max_m = found.radius_max_m;
+  surfel.cell = static_cast<std::uint32_t>(cell);
+  return surfel;
+}
+
 void list_surfels(const SurfelWork& work, std::span<const std::uint8_t> skip, std::vector<Surfel>& out) {
-  const Grid& grid = work.found.grid;
+  const Grid& grid = work.heights.grid;
   out.clear();
   for (int v = 0; v < grid.height; ++v) {
-    const std::int64_t row = static_cast<std::int64_t>(v) * grid.width - kMargin_px;
-    for (int i = 0; i < grid.words(); ++i) {
-      for (std::uint64_t bits = work.found.row(v)[i]; bits != 0; bits &= bits - 1) {
-        const auto cell = static_cast<std::size_t>(row + 64 * i + std::countr_zero(bits));
-        if (skip.empty() || skip[cell] == 0) out.push_back(work.at_cell[cell]);
-      }
+    const std::size_t row = static_cast<std::size_t>(v) * static_cast<std::size_t>(grid.width);
+    const FoundSurfel* found = work.found.get() + row;
+    for (int i = 0; i < work.found_count[static_cast<std::size_t>(v)]; ++i) {
+      const std::size_t cell = row + static_cast<std::size_t>(found[i].u);
+      if (skip.empty() || skip[cell] == 0) out.push_back(surfel_of(found[i], cell));
     }
   }
 }
@@ -38,17 +50,20 @@ SurfelFinder::~SurfelFinder() = default;
 
 std::span<const Surfel> SurfelFinder::find(const HeightMap& map, const NoiseModel& noise, const SurfelOptions& options,
                                            std::span<const std::uint8_t> skip) {
-  SurfelWork& work = state_->work;
-  const int width = map.intrinsics.width;
-  const int height = map.intrinsics.height;
-  if (work.heights.grid.width != width || work.heights.grid.height != height) prepare(map, work);
-  const SurfelRule rule(map.intrinsics, work.longest_ray2, noise, options);
+  State& s = *state_;
+  if (s.work.heights.grid.width != map.intrinsics.width || s.work.heights.grid.height != map.intrinsics.height) {
+    prepare(map, s.work);
+    s.tiles.start(map);
+    s.surfels.reserve(map.rays.size());
+  }
+  const SurfelRule rule(map.intrinsics, s.work.longest_ray2, noise, options);
   const EdgeRule edge_rule(noise, map.intrinsics.fx_px);
-  for (int v = 0; v < height; ++v) take_heights(map, v, 0, width, work.heights);
-  fit_windows(edge_rule, 0, height, work);
-  find_in_region(rule, {0, (width + 31) / 32 * 32, 0, height}, work);
-  list_surfels(work, skip, state_->surfels);
-  return state_->surfels;
+  if (s.rule != rule || s.edge_rule != edge_rule) s.tiles.forget();
+  s.rule = rule;
+  s.edge_rule = edge_rule;
+  find_in_regions(rule, edge_rule, s.tiles.take_due(map, s.work.heights), s.work);
+  list_surfels(s.work, skip, s.surfels);
+  return s.surfels;
 }
 
 std::vector<Surfel> tube_surfels(const HeightMap& map, const NoiseModel& noise, const SurfelOptions& options) {

@@ -1,47 +1,72 @@
 #include "surfel_region.hpp"
 
 #include <algorithm>
+#include <bit>
+#include <cstring>
 
 namespace tubetrack {
 
 namespace {
 
-constexpr int kLargestHalf_px = kWindowHalfSizes_px.back();
 /// How far beside a region planes and sums are made: within reach, and a multiple of every vector's length.
 constexpr int kPlanesReach_px = 16;
-constexpr int kSumsReach_px = 32;
+constexpr int kSumsReach_px = 27;
 static_assert(kPlanesReach_px >= kLargestHalf_px && kSumsReach_px > kPlanesReach_px + kLargestHalf_px);
-static_assert(kMargin_px >= kSumsReach_px);
+static_assert(kMargin_px >= kSumsReach_px + kSumBlock_px);
 
-/// Clears the bits of columns outside [begin, end).
-void keep_columns(BitImage& image, int v, int begin, int end) {
-  std::uint64_t* row = image.row(v);
-  for (int i = 0; i < image.grid.words(); ++i) {
-    const int first = 64 * i - kMargin_px;  // column of the word's lowest bit
-    const int below = std::clamp(begin - first, 0, 64);
-    const int count = std::clamp(end - first, 0, 64);
-    const std::uint64_t from = below == 64 ? 0 : ~std::uint64_t{0} << below;
-    const std::uint64_t to = count == 64 ? ~std::uint64_t{0} : (std::uint64_t{1} << count) - 1;
-    row[i] &= from & to;
-  }
+WordArea words_of(const Region& region) {
+  return {region.v_begin, region.v_end, (region.u_begin + kMargin_px) / 64, (region.u_end + kMargin_px + 63) / 64};
 }
 
-bool has_holes(const SurfelWork& work, const Region& region) {
-  const Grid& grid = work.heights.grid;
-  for (int v = region.v_begin; v < region.v_end; ++v) {
-    const std::uint64_t* row = work.windows.back().holes.row(v);
-    for (int i = 0; i < grid.words(); ++i) {
-      const int first = 64 * i - kMargin_px;
-      if (first + 64 > region.u_begin && first < region.u_end && row[i] != 0) return true;
+/// Puts the new surfels of a row in the place of those that the region had.
+void replace_found(const Region& region, int v, SurfelWork& work) {
+  FoundSurfel* row = work.found.get() + static_cast<std::ptrdiff_t>(v) * work.heights.grid.width;
+  int& count = work.found_count[static_cast<std::size_t>(v)];
+  const auto column_less = [](const FoundSurfel& surfel, int u) { return surfel.u < u; };
+  FoundSurfel* first = std::lower_bound(row, row + count, region.u_begin, column_less);
+  FoundSurfel* last = std::lower_bound(first, row + count, region.u_end, column_less);
+  const int word_begin = words_of(region).word_begin;
+  const int word_end = words_of(region).word_end;
+  int fresh = 0;
+  for (int i = word_begin; i < word_end; ++i) fresh += std::popcount(work.row_found[static_cast<std::size_t>(i)]);
+  std::memmove(first + fresh, last, static_cast<std::size_t>(row + count - last) * sizeof(FoundSurfel));
+  count += fresh - static_cast<int>(last - first);
+  for (int i = word_begin; i < word_end; ++i) {
+    for (std::uint64_t bits = work.row_found[static_cast<std::size_t>(i)]; bits != 0; bits &= bits - 1) {
+      *first++ = work.row_surfels[static_cast<std::size_t>(64 * i + std::countr_zero(bits) - kMargin_px)];
     }
   }
-  return false;
 }
 
-void clear_found(SurfelWork& work, const Region& region, int v) {
-  for (int u = region.u_begin; u < region.u_end; u += 32) {
-    const int padded = u + kMargin_px;
-    work.found.row(v)[padded / 64] &= ~(std::uint64_t{0xffffffff} << (padded % 64));
+void find_in_region(const SurfelRule& rule, const Region& region, SurfelWork& work) {
+  const Grid& grid = work.heights.grid;
+  const int u_end = (region.u_end + 15) / 16 * 16;
+  const int columns = u_end - region.u_begin + 2 * kPlanesReach_px;
+  // Sums are made in whole blocks.
+  const int sums_begin = (region.u_begin + kMargin_px - kSumsReach_px) / kSumBlock_px * kSumBlock_px - kMargin_px;
+  const int sums_end = (u_end + kMargin_px + kSumsReach_px + kSumBlock_px - 1) / kSumBlock_px * kSumBlock_px - kMargin_px;
+  work.sums.start(sums_begin, sums_end - sums_begin);
+  for (std::size_t size = 0; size < kWindowSizes; ++size) {
+    work.planes[size].start(kWindowHalfSizes_px[size], region.u_begin - kPlanesReach_px, columns);
+  }
+  int summed = std::max(0, region.v_begin - kSurfelReach_px);
+  for (int v = region.v_begin - kSurfelReach_px; v < region.v_end; ++v) {
+    for (; summed < std::min(grid.height, v + kSurfelReach_px + 1); ++summed) {
+      work.sums.add_row(work.heights, summed, work.fits.near_holes_from(sums_begin, summed));
+    }
+    for (std::size_t size = kWindowSizes; size-- > 0;) {
+      const int half = kWindowHalfSizes_px[size];
+      if (v + 2 * half < region.v_begin) continue;
+      const Windows& windows = work.fits.windows[size];
+      planes_of_row(work.sums, windows.fits, windows.holes, v + half, work.planes[size]);
+    }
+    if (v < region.v_begin) continue;
+    std::fill(work.row_found.begin(), work.row_found.end(), std::uint64_t{0});
+    for (std::size_t size = kWindowSizes; size-- > 0;) {
+      surfels_of_row(rule, work.planes[size], work.rays, grid, v, region.u_begin, u_end, work.row_found.data(),
+                     work.row_surfels.data());
+    }
+    replace_found(region, v, work);
   }
 }
 
@@ -53,90 +78,33 @@ void prepare(const HeightMap& map, SurfelWork& work) {
   // A vector that starts in a row's last cell reads on.
   work.heights.height.assign(grid.size() + 64, 0);
   work.heights.variance.assign(grid.size() + 64, 0);
-  const auto with_guards = grid.size() + 2 * static_cast<std::size_t>(grid.stride());
-  work.rays.x.assign(with_guards, 0.0F);
-  work.rays.y.assign(with_guards, 0.0F);
   work.longest_ray2 = 0.0F;
   for (const Eigen::Vector2f& ray : map.rays) work.longest_ray2 = std::max(work.longest_ray2, ray.squaredNorm());
-  for (int v = 0; v < grid.height; ++v) {
-    for (int u = 0; u < grid.width; ++u) {
-      work.rays.x[RayTable::at(grid, u, v)] = map.rays[map.cell(u, v)].x();
-      work.rays.y[RayTable::at(grid, u, v)] = map.rays[map.cell(u, v)].y();
+  if (map.intrinsics.has_distortion()) {
+    const auto with_guards = grid.size() + 2 * static_cast<std::size_t>(grid.stride());
+    work.rays.x.assign(with_guards, 0.0F);
+    work.rays.y.assign(with_guards, 0.0F);
+    for (int v = 0; v < grid.height; ++v) {
+      for (int u = 0; u < grid.width; ++u) {
+        work.rays.x[RayTable::at(grid, u, v)] = map.rays[map.cell(u, v)].x();
+        work.rays.y[RayTable::at(grid, u, v)] = map.rays[map.cell(u, v)].y();
+      }
     }
   }
-  work.edges.resize(grid);
-  for (BitImage* image : {&work.missing, &work.spread, &work.found}) image->resize(grid);
-  for (Windows& windows : work.windows) {
-    windows.fits.resize(grid);
-    windows.holes.resize(grid);
-  }
-  work.at_cell.resize(map.rays.size());
+  work.fits.resize(grid);
+  work.row_found.assign(static_cast<std::size_t>(grid.words()), 0);
+  work.row_surfels.resize(static_cast<std::size_t>(grid.stride()));
+  // Not set, so that memory is taken only where there are surfels.
+  work.found = std::make_unique_for_overwrite<FoundSurfel[]>(map.rays.size());
+  work.found_count.assign(static_cast<std::size_t>(grid.height), 0);
 }
 
-void take_heights(const HeightMap& map, int v, int u_begin, int u_end, Heights& out) {
-  for (int u = u_begin; u < u_end; ++u) {
-    const std::size_t at = map.cell(u, v);
-    const float height = map.inverse_depth_per_m[at] * (1.0F / kHeightUnit_per_m) + 0.5F;
-    const float variance = map.variance_per_m2[at] * (1.0F / kVarianceUnit_per_m2) + 0.5F;
-    const bool usable = map.count[at] > 0 && height < static_cast<float>(kHeightLimit);
-    const std::size_t to = out.grid.at(u, v);
-    out.height[to] = usable ? static_cast<std::int32_t>(height) : 0;
-    out.variance[to] =
-        usable ? static_cast<std::int32_t>(std::min(variance, static_cast<float>(kVarianceLimit))) : 0;
-  }
-}
-
-void fit_windows(const EdgeRule& rule, int v_begin, int v_end, SurfelWork& work) {
-  const Grid& grid = work.heights.grid;
-  const int v_first = std::max(0, v_begin - kLargestHalf_px);
-  const int v_last = std::min(grid.height, v_end + kLargestHalf_px);
-  find_edges(work.heights, rule, v_first, v_last, work.edges);
-  for (int v = v_first; v < v_last; ++v) {
-    for (int i = 0; i < grid.words(); ++i) work.missing.row(v)[i] = ~work.edges.valid.row(v)[i];
-    keep_columns(work.missing, v, 0, grid.width);
-  }
-  for (std::size_t size = 0; size < kWindowSizes; ++size) {
-    const int half = kWindowHalfSizes_px[size];
-    Windows& windows = work.windows[size];
-    spread_in_rows(work.missing, half, v_first, v_last, work.spread);
-    spread_over_rows(work.spread, half, v_begin, v_end, windows.holes);
-    spread_in_rows(work.edges.edges, half, v_first, v_last, work.spread);
-    spread_over_rows(work.spread, half, v_begin, v_end, windows.fits);
-    for (int v = v_begin; v < v_end; ++v) {
-      std::uint64_t* fits = windows.fits.row(v);
-      const std::uint64_t* valid = work.edges.valid.row(v);
-      const bool inside = v >= half && v < grid.height - half;
-      for (int i = 0; i < grid.words(); ++i) fits[i] = inside ? valid[i] & ~fits[i] : 0;
-      keep_columns(windows.fits, v, half, grid.width - half);
-    }
-  }
-}
-
-void find_in_region(const SurfelRule& rule, const Region& region, SurfelWork& work) {
-  const Grid& grid = work.heights.grid;
-  const int columns = region.u_end - region.u_begin;
-  const Region with_planes{region.u_begin - kPlanesReach_px, region.u_end + kPlanesReach_px,
-                           std::max(0, region.v_begin - kLargestHalf_px),
-                           std::min(grid.height, region.v_end + kLargestHalf_px)};
-  work.sums.start(region.u_begin - kSumsReach_px, columns + 2 * kSumsReach_px,
-                  std::max(0, region.v_begin - kSurfelReach_px), has_holes(work, with_planes));
-  for (std::size_t size = 0; size < kWindowSizes; ++size) {
-    work.planes[size].start(kWindowHalfSizes_px[size], with_planes.u_begin, with_planes.u_end - with_planes.u_begin);
-  }
-  for (int v = region.v_begin - kSurfelReach_px; v < region.v_end; ++v) {
-    work.sums.advance(work.heights, std::min(grid.height, v + kSurfelReach_px + 1));
-    for (std::size_t size = kWindowSizes; size-- > 0;) {
-      const int half = kWindowHalfSizes_px[size];
-      if (v + 2 * half < region.v_begin) continue;
-      planes_of_row(work.sums, work.windows[size].fits, work.windows[size].holes, v + half, work.planes[size]);
-    }
-    if (v < region.v_begin) continue;
-    clear_found(work, region, v);
-    for (std::size_t size = kWindowSizes; size-- > 0;) {
-      surfels_of_row(rule, work.planes[size], work.rays, v, region.u_begin, region.u_end, work.found,
-                     work.at_cell.data());
-    }
-  }
+void find_in_regions(const SurfelRule& rule, const EdgeRule& edge_rule, std::span<const Region> regions,
+                     SurfelWork& work) {
+  for (const Region& region : regions) compare_cells(work.heights, edge_rule, words_of(region), work.fits);
+  for (const Region& region : regions) find_borders(work.heights, edge_rule, words_of(region), work.fits);
+  for (const Region& region : regions) fit_windows(words_of(region), work.fits);
+  for (const Region& region : regions) find_in_region(rule, region, work);
 }
 
 }  // namespace tubetrack

@@ -1,39 +1,34 @@
 #pragma once
 
 #include <array>
+#include <memory>
+#include <span>
 
-#include "edges.hpp"
+#include "fit_windows.hpp"
 #include "surfel_row.hpp"
 #include "window_planes.hpp"
 #include "window_sums.hpp"
 
 namespace tubetrack {
 
-inline constexpr std::size_t kWindowSizes = kWindowHalfSizes_px.size();
-/// A surfel depends on heights up to here: half a window from planes that are half a window away.
-inline constexpr int kSurfelReach_px = 2 * kWindowHalfSizes_px.back();
-
-struct Windows {
-  BitImage fits;   ///< the window around the cell stays on one side of edges and within the image
-  BitImage holes;  ///< a cell of the window has no height
-};
+/// A surfel is computed from heights up to here: half a window from planes that are half a window away.
+inline constexpr int kSurfelReach_px = 2 * kLargestHalf_px;
 
 /// What surfels are computed from and where they go; and the buffers on the way.
 struct SurfelWork {
   Heights heights;
   RayTable rays;
   float longest_ray2 = 0.0F;
-  Edges edges;
-  BitImage missing;
-  BitImage spread;
-  std::array<Windows, kWindowSizes> windows;
+  WindowFits fits;
   WindowSums sums;
   std::array<PlaneRing, kWindowSizes> planes;
-  BitImage found;               ///< cells that have a surfel
-  std::vector<Surfel> at_cell;  ///< of the map's cells; only where `found` has a bit
+  std::vector<std::uint64_t> row_found;  ///< of one row: columns with a surfel
+  std::vector<FoundSurfel> row_surfels;  ///< and it, by column
+  std::unique_ptr<FoundSurfel[]> found;  ///< by row, room for one a column, in order of columns
+  std::vector<int> found_count;          ///< by row
 };
 
-/// Pixels [u_begin, u_end) × [v_begin, v_end); the columns are multiples of 32.
+/// Pixels [u_begin, u_end) × [v_begin, v_end) of the image; u_begin is a multiple of 16, and u_end of 16 or the width.
 struct Region {
   int u_begin = 0;
   int u_end = 0;
@@ -43,13 +38,11 @@ struct Region {
 
 void prepare(const HeightMap& map, SurfelWork& work);
 
-/// The map's heights and variances in integer units, columns [u_begin, u_end) of row v.
-void take_heights(const HeightMap& map, int v, int u_begin, int u_end, Heights& out);
+/// The map's heights and variances of a region, in integer units. Whether every cell has one.
+bool take_heights(const HeightMap& map, const Region& region, Heights& out);
 
-/// Where windows fit and have holes, in rows [v_begin, v_end), from the heights.
-void fit_windows(const EdgeRule& rule, int v_begin, int v_end, SurfelWork& work);
-
-/// Finds the surfels of a region anew, from the heights and `fit_windows` of everything within reach.
-void find_in_region(const SurfelRule& rule, const Region& region, SurfelWork& work);
+/// Finds the surfels of some regions anew, where heights that they depend on have changed.
+void find_in_regions(const SurfelRule& rule, const EdgeRule& edge_rule, std::span<const Region> regions,
+                     SurfelWork& work);
 
 }  // namespace tubetrack

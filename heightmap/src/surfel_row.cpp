@@ -22,44 +22,44 @@ using V = hn::Vec<D>;
 using M = hn::Mask<D>;
 
 constexpr float kRoot2 = 1.41421356F;
+alignas(64) constexpr float kLane[16] = {0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15};
 
-V Set(float value) {
+HWY_INLINE V Set(float value) {
   return hn::Set(D(), value);
 }
 
-std::uint64_t Bits(M mask) {
+HWY_INLINE std::uint64_t Bits(M mask) {
   std::uint8_t bytes[8] = {};
   hn::StoreMaskBits(D(), mask, bytes);
   return bytes[0] | static_cast<std::uint64_t>(bytes[1]) << 8;
 }
 
-M MaskOf(std::uint64_t bits) {
-  const std::uint8_t bytes[8] = {static_cast<std::uint8_t>(bits), static_cast<std::uint8_t>(bits >> 8)};
-  return hn::LoadMaskBits(D(), bytes);
+HWY_INLINE M MaskOf(std::uint64_t bits) {
+  return hn::LoadMaskBits(D(), reinterpret_cast<const std::uint8_t*>(&bits));  // little-endian, as Highway's targets
 }
 
 struct V3 {
   V x, y, z;
 };
 
-V3 Sub(const V3& a, const V3& b) {
+HWY_INLINE V3 Sub(const V3& a, const V3& b) {
   return {hn::Sub(a.x, b.x), hn::Sub(a.y, b.y), hn::Sub(a.z, b.z)};
 }
 
-V3 Scale(const V3& a, V s) {
+HWY_INLINE V3 Scale(const V3& a, V s) {
   return {hn::Mul(a.x, s), hn::Mul(a.y, s), hn::Mul(a.z, s)};
 }
 
-V Dot(const V3& a, const V3& b) {
+HWY_INLINE V Dot(const V3& a, const V3& b) {
   return hn::Add(hn::Mul(a.x, b.x), hn::Add(hn::Mul(a.y, b.y), hn::Mul(a.z, b.z)));
 }
 
-V3 Cross(const V3& a, const V3& b) {
+HWY_INLINE V3 Cross(const V3& a, const V3& b) {
   return {hn::Sub(hn::Mul(a.y, b.z), hn::Mul(a.z, b.y)), hn::Sub(hn::Mul(a.z, b.x), hn::Mul(a.x, b.z)),
           hn::Sub(hn::Mul(a.x, b.y), hn::Mul(a.y, b.x))};
 }
 
-V3 Select(M mask, const V3& yes, const V3& no) {
+HWY_INLINE V3 Select(M mask, const V3& yes, const V3& no) {
   return {hn::IfThenElse(mask, yes.x, no.x), hn::IfThenElse(mask, yes.y, no.y), hn::IfThenElse(mask, yes.z, no.z)};
 }
 
@@ -69,7 +69,7 @@ struct Between {
   V per_px;
 };
 
-Between Spread(V slope_before, V slope_after, int half) {
+HWY_INLINE Between Spread(V slope_before, V slope_after, int half) {
   const V limit = Set(0.5F * kNoPlane);
   const M before = hn::Lt(slope_before, limit);
   const M after = hn::Lt(slope_after, limit);
@@ -79,7 +79,7 @@ Between Spread(V slope_before, V slope_after, int half) {
 }
 
 /// After minus before; the plane in the middle stands in for a side without one.
-V Difference(const Between& between, const float* before, const float* middle, const float* after) {
+HWY_INLINE V Difference(const Between& between, const float* before, const float* middle, const float* after) {
   const D d;
   const V center = hn::LoadU(d, middle);
   return hn::Sub(hn::IfThenElse(between.after, hn::LoadU(d, after), center),
@@ -88,7 +88,7 @@ V Difference(const Between& between, const float* before, const float* middle, c
 
 /// Whether the inverse depth bends down in some direction by more than `sigmas` of the second difference's noise: whether
 /// its second derivatives plus that limit are not positive definite.
-M BendsDown(const Neighbourhood& n, int i, const Between& across, const Between& down, float aspect, float sigmas) {
+HWY_INLINE M BendsDown(const Neighbourhood& n, int i, const Between& across, const Between& down, float aspect, float sigmas) {
   const int h = n.half;
   const float* u = n.row.slope_u + i;
   const float* v = n.row.slope_v + i;
@@ -112,15 +112,23 @@ struct Facet {
   V px_per_ray;  ///< the larger of both axes
 };
 
-/// Slopes per unit of ray, from those per pixel; (x, y): where the rays are. The larger of the pixels per unit.
-V SlopesOverRays(const SurfelRule& rule, const float* x, const float* y, std::ptrdiff_t stride, V& a, V& b) {
-  if (!rule.distorted) {
-    a = hn::Mul(a, Set(rule.fx_px));
-    b = hn::Mul(b, Set(rule.fy_px));
-    return Set(std::max(rule.fx_px, rule.fy_px));
-  }
+/// Rays of a vector of cells, and the slopes there: per pixel at first, then per unit of ray.
+struct Rays {
+  V x, y;
+  V slope_x, slope_y;
+  V px_per_ray;
+};
+
+HWY_INLINE Rays RaysWithoutDistortion(const SurfelRule& rule, int u, int v, V slope_u, V slope_v) {
+  const V x = hn::Sub(hn::Add(hn::Load(D(), kLane), Set(static_cast<float>(u))), Set(rule.cx_px));
+  return {hn::Mul(x, Set(1.0F / rule.fx_px)), Set((static_cast<float>(v) - rule.cy_px) * (1.0F / rule.fy_px)),
+          hn::Mul(slope_u, Set(rule.fx_px)), hn::Mul(slope_v, Set(rule.fy_px)),
+          Set(std::max(rule.fx_px, rule.fy_px))};
+}
+
+HWY_INLINE Rays RaysOfTable(const float* x, const float* y, std::ptrdiff_t stride, V slope_u, V slope_v) {
   const D d;
-  const auto half_step = [&](const float* at, std::ptrdiff_t by) {
+  const auto half_step = [&](const float* at, std::ptrdiff_t by) HWY_ATTR {
     return hn::Mul(Set(0.5F), hn::Sub(hn::LoadU(d, at + by), hn::LoadU(d, at - by)));
   };
   const V xu = half_step(x, 1);
@@ -128,29 +136,29 @@ V SlopesOverRays(const SurfelRule& rule, const float* x, const float* y, std::pt
   const V yu = half_step(y, 1);
   const V yv = half_step(y, stride);
   const V det = hn::Sub(hn::Mul(xu, yv), hn::Mul(xv, yu));
-  const V over_x = hn::Div(hn::Sub(hn::Mul(a, yv), hn::Mul(b, yu)), det);
-  b = hn::Div(hn::Sub(hn::Mul(b, xu), hn::Mul(a, xv)), det);
-  a = over_x;
   const V per_px2 = hn::Min(hn::Add(hn::Mul(xu, xu), hn::Mul(xv, xv)), hn::Add(hn::Mul(yu, yu), hn::Mul(yv, yv)));
-  return hn::Div(Set(1.0F), hn::Sqrt(per_px2));
+  return {hn::LoadU(d, x), hn::LoadU(d, y), hn::Div(hn::Sub(hn::Mul(slope_u, yv), hn::Mul(slope_v, yu)), det),
+          hn::Div(hn::Sub(hn::Mul(slope_v, xu), hn::Mul(slope_u, xv)), det),
+          hn::Div(Set(1.0F), hn::Sqrt(per_px2))};
 }
 
-/// The plane of cell i, `du` columns aside; `rays_aside`: of its row, relative to the neighbourhood's.
-Facet FacetAt(const SurfelRule& rule, const Neighbourhood& n, const PlaneRow& row, int i, std::ptrdiff_t rays_aside) {
+/// The planes of `row`, which is `rows_down` below the neighbourhood's, in cells i and on.
+HWY_INLINE Facet FacetAt(const SurfelRule& rule, const Neighbourhood& n, const PlaneRow& row, int i, int rows_down) {
   const D d;
-  const float* ray_x = n.ray_x + i + rays_aside;
-  const float* ray_y = n.ray_y + i + rays_aside;
-  V a = hn::LoadU(d, row.slope_u + i);
-  V b = hn::LoadU(d, row.slope_v + i);
-  const V px_per_ray = SlopesOverRays(rule, ray_x, ray_y, n.ray_stride, a, b);
-  const V x = hn::LoadU(d, ray_x);
-  const V y = hn::LoadU(d, ray_y);
+  const V slope_u = hn::LoadU(d, row.slope_u + i);
+  const V slope_v = hn::LoadU(d, row.slope_v + i);
+  const std::ptrdiff_t ray_at = i + rows_down * n.ray_stride;
+  const Rays r = rule.distorted
+                     ? RaysOfTable(n.ray_x + ray_at, n.ray_y + ray_at, n.ray_stride, slope_u, slope_v)
+                     : RaysWithoutDistortion(rule, n.u_begin + i, n.v + rows_down, slope_u, slope_v);
+  const V a = r.slope_x;
+  const V b = r.slope_y;
   const V w = hn::LoadU(d, row.height + i);
-  const V c = hn::Sub(w, hn::Add(hn::Mul(a, x), hn::Mul(b, y)));
+  const V c = hn::Sub(w, hn::Add(hn::Mul(a, r.x), hn::Mul(b, r.y)));
   const V norm = hn::Sqrt(hn::Add(hn::Mul(a, a), hn::Add(hn::Mul(b, b), hn::Mul(c, c))));
   const V one = Set(1.0F);
   const V z = hn::Div(one, w);
-  return {{hn::Mul(x, z), hn::Mul(y, z), z}, Scale({a, b, c}, hn::Div(one, norm)), norm, px_per_ray};
+  return {{hn::Mul(r.x, z), hn::Mul(r.y, z), z}, Scale({a, b, c}, hn::Div(one, norm)), norm, r.px_per_ray};
 }
 
 /// Greater curvature (1/m, convex towards the camera positive) and its σ, from how the normal turns between the planes
@@ -161,15 +169,14 @@ struct Curvature {
   V sigma_per_m;
 };
 
-Curvature CurvatureOf(const SurfelRule& rule, const Neighbourhood& n, int i, const Facet& middle, const Between& across,
+HWY_INLINE Curvature CurvatureOf(const SurfelRule& rule, const Neighbourhood& n, int i, const Facet& middle, const Between& across,
                       const Between& down) {
   const int h = n.half;
-  const std::ptrdiff_t rows = h * n.ray_stride;
   const Facet before = FacetAt(rule, n, n.row, i - h, 0);
   const Facet after = FacetAt(rule, n, n.row, i + h, 0);
-  const Facet above = FacetAt(rule, n, n.above, i, -rows);
-  const Facet below = FacetAt(rule, n, n.below, i, rows);
-  const auto step = [&](const Between& known, const V3& first, const V3& mid, const V3& second) {
+  const Facet above = FacetAt(rule, n, n.above, i, -h);
+  const Facet below = FacetAt(rule, n, n.below, i, h);
+  const auto step = [&](const Between& known, const V3& first, const V3& mid, const V3& second) HWY_ATTR {
     return Sub(Select(known.after, second, mid), Select(known.before, first, mid));
   };
   const V3 step_u = step(across, before.position_m, middle.position_m, after.position_m);
@@ -189,7 +196,7 @@ Curvature CurvatureOf(const SurfelRule& rule, const Neighbourhood& n, int i, con
   const M known = hn::Ge(hn::Abs(det), hn::Mul(Set(1e-3F), hn::Mul(length_u, length_v)));
   // Inward normals of a convex surface converge, so the shape operator is the negative of turns × steps⁻¹.
   const V inverse = hn::Div(Set(-1.0F), det);
-  const auto row_of_shape = [&](const V3& e, V& first, V& second) {
+  const auto row_of_shape = [&](const V3& e, V& first, V& second) HWY_ATTR {
     const V t0 = Dot(e, turn_u);
     const V t1 = Dot(e, turn_v);
     first = hn::Mul(hn::Mul(t0, s11), inverse);
@@ -212,16 +219,10 @@ Curvature CurvatureOf(const SurfelRule& rule, const Neighbourhood& n, int i, con
 struct Lanes {
   alignas(64) float x[16], y[16], z[16], nx[16], ny[16], nz[16], sigma[16], low[16], high[16];
 
-  void write(std::uint64_t bits, std::uint32_t first_cell, Surfel* at_cell) const {
+  void write(std::uint64_t bits, int u, FoundSurfel* out) const {
     for (; bits != 0; bits &= bits - 1) {
       const int i = std::countr_zero(bits);
-      Surfel& surfel = at_cell[first_cell + static_cast<std::uint32_t>(i)];
-      surfel.position_m = {x[i], y[i], z[i]};
-      surfel.inward_normal = {nx[i], ny[i], nz[i]};
-      surfel.sigma_m = sigma[i];
-      surfel.radius_min_m = low[i];
-      surfel.radius_max_m = high[i];
-      surfel.cell = first_cell + static_cast<std::uint32_t>(i);
+      out[i] = {u + i, x[i], y[i], z[i], nx[i], ny[i], nz[i], sigma[i], low[i], high[i]};
     }
   }
 };
@@ -258,9 +259,9 @@ std::uint64_t Surfels(const SurfelRule& rule, const Neighbourhood& n, int i, M c
   return bits;
 }
 
-/// Columns are those of the planes: [begin, end) of them, the first at padded column `padded_begin` and map cell `cell`.
-void SurfelsOfRow(const SurfelRule& rule, const Neighbourhood& n, int begin, int end, int padded_begin,
-                  std::int64_t cell, std::uint64_t* found, Surfel* at_cell) {
+/// Columns are those of the planes: [begin, end) of them.
+void SurfelsOfRow(const SurfelRule& rule, const Neighbourhood& n, int begin, int end, std::uint64_t* found,
+                  FoundSurfel* out) {
   const D d;
   const int step = static_cast<int>(hn::Lanes(d));
   const std::uint64_t lane_bits = (std::uint64_t{1} << step) - 1;
@@ -271,7 +272,8 @@ void SurfelsOfRow(const SurfelRule& rule, const Neighbourhood& n, int begin, int
     const V here = hn::LoadU(d, n.row.slope_u + i);
     M open = hn::Lt(here, Set(0.5F * kNoPlane));
     if (hn::AllFalse(d, open)) continue;
-    const int padded = padded_begin + i - begin;
+    const int u = n.u_begin + i;
+    const int padded = u + kMargin_px;
     std::uint64_t& word = found[padded / 64];
     const int shift = padded % 64;
     open = hn::And(open, MaskOf(~word >> shift & lane_bits));
@@ -285,7 +287,7 @@ void SurfelsOfRow(const SurfelRule& rule, const Neighbourhood& n, int begin, int
     const std::uint64_t bits = Surfels(rule, n, i, open, across, down, lanes);
     if (bits == 0) continue;
     word |= bits << shift;
-    lanes.write(bits, static_cast<std::uint32_t>(cell + i - begin), at_cell);
+    lanes.write(bits, u, out + u);
   }
 }
 
@@ -303,23 +305,25 @@ SurfelRule::SurfelRule(const Intrinsics& in, float longest_ray2, const NoiseMode
     : noise(model),
       fx_px(static_cast<float>(in.fx_px)),
       fy_px(static_cast<float>(in.fy_px)),
+      cx_px(static_cast<float>(in.cx_px)),
+      cy_px(static_cast<float>(in.cy_px)),
       distorted(in.has_distortion()),
       gate_sigmas(static_cast<float>(options.gate_sigmas)),
       screen_sigmas(gate_sigmas / std::sqrt(1.0F + longest_ray2)),
       radius_min_m(static_cast<float>(options.radius_min_m)),
       radius_max_m(static_cast<float>(options.radius_max_m)) {}
 
-void surfels_of_row(const SurfelRule& rule, PlaneRing& planes, const RayTable& rays, int v, int u_begin, int u_end,
-                    BitImage& found, Surfel* at_cell) {
-  const Grid& grid = found.grid;
-  const int begin = planes.index(u_begin);
-  const auto ray_at = static_cast<std::ptrdiff_t>(RayTable::at(grid, u_begin, v)) - begin;
+void surfels_of_row(const SurfelRule& rule, PlaneRing& planes, const RayTable& rays, const Grid& grid, int v,
+                    int u_begin, int u_end, std::uint64_t* found, FoundSurfel* row) {
   const int half = planes.half_px();
-  const Neighbourhood n{planes.row(v),          planes.row(v - half),  planes.row(v + half), rays.x.data() + ray_at,
-                        rays.y.data() + ray_at, grid.stride(),         half};
-  const std::int64_t cell = static_cast<std::int64_t>(v) * grid.width + u_begin;
-  HWY_DYNAMIC_DISPATCH(SurfelsOfRow)
-  (rule, n, begin, planes.index(u_end), u_begin + kMargin_px, cell, found.row(v), at_cell);
+  Neighbourhood n{planes.row(v), planes.row(v - half), planes.row(v + half), nullptr, nullptr, grid.stride(),
+                  planes.u_begin(), v, half};
+  if (rule.distorted) {
+    const auto ray_at = static_cast<std::ptrdiff_t>(RayTable::at(grid, planes.u_begin(), v));
+    n.ray_x = rays.x.data() + ray_at;
+    n.ray_y = rays.y.data() + ray_at;
+  }
+  HWY_DYNAMIC_DISPATCH(SurfelsOfRow)(rule, n, planes.index(u_begin), planes.index(u_end), found, row);
 }
 
 }  // namespace tubetrack

@@ -10,7 +10,8 @@
 
 namespace tubetrack {
 
-/// Ray of every padded cell; a row of zeros before the first and after the last.
+/// Ray of every padded cell of a camera with distortion, a row of zeros before the first and after the last; empty for
+/// one without, whose rays are cheaper to compute than to load.
 struct RayTable {
   std::vector<float> x;
   std::vector<float> y;
@@ -22,6 +23,8 @@ struct SurfelRule {
   AxialNoise noise;
   float fx_px = 0.0F;
   float fy_px = 0.0F;
+  float cx_px = 0.0F;
+  float cy_px = 0.0F;
   bool distorted = false;
   float gate_sigmas = 0.0F;
   /// The gate on second differences in the image, before any normal is computed. A ray aside meets a surface that leans
@@ -35,18 +38,29 @@ struct SurfelRule {
   bool operator==(const SurfelRule&) const = default;
 };
 
+/// A surfel, as it is kept for its row.
+struct FoundSurfel {
+  int u;
+  float x_m, y_m, z_m;
+  float normal_x, normal_y, normal_z;
+  float sigma_m;
+  float radius_min_m, radius_max_m;
+};
+
 /// What the cells of a row are computed from: the planes in its row and half a window above and below.
 struct Neighbourhood {
   PlaneRow row, above, below;
-  const float* ray_x;  ///< of the row
+  const float* ray_x;  ///< of the row; only with distortion
   const float* ray_y;
   std::ptrdiff_t ray_stride;
+  int u_begin;  ///< the image column of the planes' first
+  int v;
   int half;
 };
 
 /// Surfels from the planes of one size in row `v`, columns [u_begin, u_end): where `found` has no bit yet and the
-/// curvature passes the gate. Sets the bits of `found`, and the surfels in `at_cell` (by cell of the map).
-void surfels_of_row(const SurfelRule& rule, PlaneRing& planes, const RayTable& rays, int v, int u_begin, int u_end,
-                    BitImage& found, Surfel* at_cell);
+/// curvature passes the gate. Sets the bits of `found` (of the padded row), and the surfels in `row` (by image column).
+void surfels_of_row(const SurfelRule& rule, PlaneRing& planes, const RayTable& rays, const Grid& grid, int v,
+                    int u_begin, int u_end, std::uint64_t* found, FoundSurfel* row);
 
 }  // namespace tubetrack

@@ -22,13 +22,11 @@ using DI = hn::Rebind<std::int32_t, D>;
 using V = hn::Vec<D>;
 using VU = hn::Vec<DU>;
 
-hn::Mask<D> MaskOf(std::uint64_t word, int first) {
-  const std::uint64_t bits = word >> first;
-  const std::uint8_t bytes[8] = {static_cast<std::uint8_t>(bits), static_cast<std::uint8_t>(bits >> 8)};
-  return hn::LoadMaskBits(D(), bytes);
+HWY_INLINE hn::Mask<D> MaskOf(std::uint64_t bits) {
+  return hn::LoadMaskBits(D(), reinterpret_cast<const std::uint8_t*>(&bits));  // little-endian, as Highway's targets
 }
 
-V Signed(VU sum) {
+HWY_INLINE V Signed(VU sum) {
   return hn::ConvertTo(D(), hn::BitCast(DI(), sum));
 }
 
@@ -40,11 +38,27 @@ struct Corners {
   std::size_t left;
   std::size_t right;
 
-  VU sum(int channel) const {
+  HWY_INLINE VU sum(int channel) const {
     const DU d;
     const std::size_t at = static_cast<std::size_t>(channel) * stride;
     return hn::Sub(hn::Sub(hn::LoadU(d, bottom + at + right), hn::LoadU(d, bottom + at + left)),
                    hn::Sub(hn::LoadU(d, top + at + right), hn::LoadU(d, top + at + left)));
+  }
+};
+
+/// What of a full window is constant: the moments of (du, dv), as factors.
+struct FullWindow {
+  float per_cell;
+  float per_moment;
+  float variance_per_moment;
+
+  explicit FullWindow(int half) {
+    const int side = 2 * half + 1;
+    const float cells = static_cast<float>(side * side);
+    const float moment = static_cast<float>(side * side * half * (half + 1) / 3);  // Σ du²
+    per_cell = kHeightUnit_per_m / cells;
+    per_moment = kHeightUnit_per_m / moment;
+    variance_per_moment = kVarianceUnit_per_m2 / cells / moment;
   }
 };
 
@@ -56,22 +70,18 @@ struct Planes {
   hn::Mask<D> known;
 };
 
-/// Windows in which every cell has a height: the moments of (du, dv) are constants.
-Planes FullWindows(const Corners& window, int half, VU u, VU v) {
+HWY_INLINE Planes FullWindows(const Corners& window, const FullWindow& full, VU u, VU v) {
   const D d;
-  const int side = 2 * half + 1;
-  const float cells = static_cast<float>(side * side);
-  const float moment = static_cast<float>(side * side * half * (half + 1) / 3);  // Σ du²
   const VU h = window.sum(kH);
-  const V slope = hn::Set(d, kHeightUnit_per_m / moment);
+  const V slope = hn::Set(d, full.per_moment);
   return {hn::Mul(Signed(hn::Sub(window.sum(kUH), hn::Mul(u, h))), slope),
           hn::Mul(Signed(hn::Sub(window.sum(kVH), hn::Mul(v, h))), slope),
-          hn::Mul(Signed(window.sum(kVariance)), hn::Set(d, kVarianceUnit_per_m2 / cells / moment)),
-          hn::Mul(Signed(h), hn::Set(d, kHeightUnit_per_m / cells)), hn::Gt(Signed(h), hn::Zero(d))};
+          hn::Mul(Signed(window.sum(kVariance)), hn::Set(d, full.variance_per_moment)),
+          hn::Mul(Signed(h), hn::Set(d, full.per_cell)), hn::Gt(Signed(h), hn::Zero(d))};
 }
 
 /// Windows with gaps: the moments are summed, and solved for. No plane where too few cells or no slope is determined.
-Planes WindowsWithHoles(const Corners& window, int half, VU u, VU v) {
+HWY_INLINE Planes WindowsWithHoles(const Corners& window, int half, VU u, VU v) {
   const D d;
   const float cells = static_cast<float>((2 * half + 1) * (2 * half + 1));
   const VU count = window.sum(kCount);
@@ -114,6 +124,8 @@ void PlanesOfRow(const std::uint32_t* top, const std::uint32_t* bottom, std::siz
   const DU du;
   const int lanes = static_cast<int>(hn::Lanes(d));
   const VU row = hn::Set(du, static_cast<std::uint32_t>(v));
+  const VU lane = hn::Iota(du, 0U);  // slow where it is needed anew
+  const FullWindow full_window(half);
   const std::uint64_t lane_bits = (std::uint64_t{1} << lanes) - 1;
   for (int i = 0; i < columns; i += lanes) {
     const int padded = u_begin + i + kMargin_px;
@@ -125,10 +137,10 @@ void PlanesOfRow(const std::uint32_t* top, const std::uint32_t* bottom, std::siz
     const std::size_t at = static_cast<std::size_t>(sums_offset + i);
     const Corners window{top, bottom, stride, at - static_cast<std::size_t>(half),
                          at + static_cast<std::size_t>(half) + 1};
-    const VU u = hn::Iota(du, static_cast<std::uint32_t>(u_begin + i));
+    const VU u = hn::Add(lane, hn::Set(du, static_cast<std::uint32_t>(u_begin + i)));
     const bool full = (holes[padded / 64] >> (padded % 64) & fit) == 0;
-    const Planes planes = full ? FullWindows(window, half, u, row) : WindowsWithHoles(window, half, u, row);
-    const auto known = hn::And(planes.known, MaskOf(fit, 0));
+    const Planes planes = full ? FullWindows(window, full_window, u, row) : WindowsWithHoles(window, half, u, row);
+    const auto known = hn::And(planes.known, MaskOf(fit));
     hn::StoreU(hn::IfThenElse(known, planes.slope_u, hn::Set(d, kNoPlane)), d, out.slope_u + i);
     hn::StoreU(planes.slope_v, d, out.slope_v + i);
     hn::StoreU(hn::Sqrt(planes.slope_variance), d, out.slope_sigma + i);
@@ -169,7 +181,7 @@ void planes_of_row(const WindowSums& sums, const BitImage& fits, const BitImage&
     return;
   }
   HWY_DYNAMIC_DISPATCH(PlanesOfRow)
-  (sums.row(v - half, 0), sums.row(v + half + 1, 0), sums.stride(), sums.index(planes.u_begin()), half,
+  (sums.row(v - half), sums.row(v + half + 1), sums.stride(), sums.index(planes.u_begin()), half,
    planes.u_begin(), v, planes.columns(), fits.row(v), holes.row(v), out);
 }
 

@@ -1,7 +1,5 @@
 #include "window_sums.hpp"
 
-#include <algorithm>
-
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "window_sums.cpp"
 #include <hwy/foreach_target.h>
@@ -20,7 +18,7 @@ using D = hn::CappedTag<std::uint32_t, 4>;
 using V = hn::Vec<D>;
 
 /// Running sums within the vector, the carry added and moved on.
-V Prefix(V v, V& carry) {
+HWY_INLINE V Prefix(V v, V& carry) {
 #if HWY_TARGET == HWY_SCALAR
   carry = hn::Add(v, carry);
   return carry;
@@ -34,38 +32,45 @@ V Prefix(V v, V& carry) {
 }
 
 /// One row of the table. `above`, `below`: the row's start and its next in each channel, `stride` apart.
-void AddRow(const std::int32_t* height, const std::int32_t* variance, int u_begin, int v, int columns, bool holes,
-            const std::uint32_t* above, std::uint32_t* below, std::size_t stride) {
+void AddRow(const std::int32_t* height, const std::int32_t* variance, int u_begin, int v, int columns,
+            const std::uint8_t* near_holes, const std::uint32_t* above, std::uint32_t* below, std::size_t stride) {
   const D d;
   const V row = hn::Set(d, static_cast<std::uint32_t>(v));
   const V one = hn::Set(d, 1U);
-  const auto add = [&](int channel, int i, V sums) {
+  const V lane = hn::Iota(d, 0U);  // slow where it is needed anew
+  const int lanes = static_cast<int>(hn::Lanes(d));
+  const auto add = [&](int channel, int i, V sums) HWY_ATTR {
     const std::size_t at = static_cast<std::size_t>(channel) * stride + static_cast<std::size_t>(i) + 1;
     hn::StoreU(hn::Add(hn::LoadU(d, above + at), sums), d, below + at);
   };
-  V carry[6] = {hn::Zero(d), hn::Zero(d), hn::Zero(d), hn::Zero(d), hn::Zero(d), hn::Zero(d)};
-  for (int c = 0; c < (holes ? kSumChannels : kSumChannelsWithoutHoles); ++c) {
-    below[static_cast<std::size_t>(c) * stride] = 0;
-  }
-  for (int i = 0; i < columns; i += static_cast<int>(hn::Lanes(d))) {
-    const V u = hn::Iota(d, static_cast<std::uint32_t>(u_begin + i));
+  for (std::size_t c = 0; c < kSumChannels; ++c) below[c * stride] = above[c * stride];
+  V carry_h = hn::Zero(d);
+  V carry_uh = hn::Zero(d);
+  V carry_variance = hn::Zero(d);
+  for (int i = 0; i < columns; i += lanes) {
     const V h = hn::LoadU(d, reinterpret_cast<const std::uint32_t*>(height + i));
-    const V sum_h = Prefix(h, carry[0]);
+    const V sum_h = Prefix(h, carry_h);
     add(kH, i, sum_h);
     add(kVH, i, hn::Mul(row, sum_h));
-    add(kUH, i, Prefix(hn::Mul(u, h), carry[1]));
-    add(kVariance, i, Prefix(hn::LoadU(d, reinterpret_cast<const std::uint32_t*>(variance + i)), carry[2]));
-    if (!holes) continue;
-    const V n = hn::Min(h, one);
+    add(kUH, i, Prefix(hn::Mul(hn::Add(lane, hn::Set(d, static_cast<std::uint32_t>(u_begin + i))), h), carry_uh));
+    add(kVariance, i, Prefix(hn::LoadU(d, reinterpret_cast<const std::uint32_t*>(variance + i)), carry_variance));
+  }
+  V carry_n = hn::Zero(d);
+  V carry_u = hn::Zero(d);
+  V carry_uu = hn::Zero(d);
+  for (int i = 0; i < columns; i += lanes) {
+    if (!near_holes[i / kSumBlock_px]) continue;
+    const V u = hn::Add(lane, hn::Set(d, static_cast<std::uint32_t>(u_begin + i)));
+    const V n = hn::Min(hn::LoadU(d, reinterpret_cast<const std::uint32_t*>(height + i)), one);
     const V nu = hn::Mul(n, u);
-    const V sum_n = Prefix(n, carry[3]);
-    const V sum_u = Prefix(nu, carry[4]);
+    const V sum_n = Prefix(n, carry_n);
+    const V sum_u = Prefix(nu, carry_u);
+    const V sum_v = hn::Mul(row, sum_n);
     add(kCount, i, sum_n);
     add(kU, i, sum_u);
-    add(kUU, i, Prefix(hn::Mul(nu, u), carry[5]));
-    add(kUV, i, hn::Mul(row, sum_u));
-    const V sum_v = hn::Mul(row, sum_n);
     add(kV, i, sum_v);
+    add(kUU, i, Prefix(hn::Mul(nu, u), carry_uu));
+    add(kUV, i, hn::Mul(row, sum_u));
     add(kVV, i, hn::Mul(row, sum_v));
   }
 }
@@ -80,23 +85,18 @@ namespace tubetrack {
 
 HWY_EXPORT(AddRow);
 
-void WindowSums::start(int u_begin, int columns, int v_begin, bool holes) {
+void WindowSums::start(int u_begin, int columns) {
   u_begin_ = u_begin;
   columns_ = columns;
-  v_end_ = v_begin;
-  channels_ = holes ? kSumChannels : kSumChannelsWithoutHoles;
   stride_ = static_cast<std::size_t>(columns) + 16;
   if (ring_.size() < kRows * kSumChannels * stride_) ring_.resize(kRows * kSumChannels * stride_);
-  for (int c = 0; c < channels_; ++c) std::fill_n(ring_.begin() + static_cast<std::ptrdiff_t>(offset(v_begin, c)), stride_, 0U);
 }
 
-void WindowSums::advance(const Heights& heights, int v_end) {
-  for (; v_end_ < v_end; ++v_end_) {
-    const std::size_t at = heights.grid.at(u_begin_, v_end_);
-    HWY_DYNAMIC_DISPATCH(AddRow)
-    (heights.height.data() + at, heights.variance.data() + at, u_begin_, v_end_, columns_, holes(),
-     ring_.data() + offset(v_end_, 0), ring_.data() + offset(v_end_ + 1, 0), stride_);
-  }
+void WindowSums::add_row(const Heights& heights, int v, const std::uint8_t* near_holes) {
+  const std::size_t at = heights.grid.at(u_begin_, v);
+  HWY_DYNAMIC_DISPATCH(AddRow)
+  (heights.height.data() + at, heights.variance.data() + at, u_begin_, v, columns_, near_holes,
+   ring_.data() + offset(v), ring_.data() + offset(v + 1), stride_);
 }
 
 }  // namespace tubetrack

@@ -32,6 +32,16 @@ HeightMap map_of(const Intrinsics& camera, auto depth_at) {
   return map;
 }
 
+/// Edges, and where windows fit, of the whole image.
+void fit_all(const HeightMap& map, SurfelWork& work) {
+  const EdgeRule rule({}, map.intrinsics.fx_px);
+  const WordArea all{0, map.intrinsics.height, 1, (map.intrinsics.width + kMargin_px + 63) / 64};
+  take_heights(map, {0, map.intrinsics.width, 0, map.intrinsics.height}, work.heights);
+  compare_cells(work.heights, rule, all, work.fits);
+  find_borders(work.heights, rule, all, work.fits);
+  fit_windows(all, work.fits);
+}
+
 /// Planes as the surfel stage makes them: wherever the window is within the image, or (`edges`) on one side of edges too.
 std::vector<WindowPlane> window_planes(const HeightMap& map, std::size_t size, bool edges = false) {
   const int width = map.intrinsics.width;
@@ -39,20 +49,21 @@ std::vector<WindowPlane> window_planes(const HeightMap& map, std::size_t size, b
   const int half = kWindowHalfSizes_px[size];
   SurfelWork work;
   prepare(map, work);
-  for (int v = 0; v < height; ++v) take_heights(map, v, 0, width, work.heights);
-  fit_windows(EdgeRule({}, map.intrinsics.fx_px), 0, height, work);
-  Windows& windows = work.windows[size];
+  fit_all(map, work);
+  Windows& windows = work.fits.windows[size];
   for (int v = half; v < height - half && !edges; ++v) {
     for (int u = half; u < width - half; ++u) {
       if (map.count[map.cell(u, v)] > 0) windows.fits.set(u, v);
     }
   }
-  const int columns = (width + 15) / 16 * 16;
-  work.sums.start(-32, columns + 64, 0, true);
+  const int columns = (width + 31) / 32 * 32;
+  const std::vector<std::uint8_t> near_holes(static_cast<std::size_t>(columns / 32 + 2), 1);
+  work.sums.start(-32, columns + 64);
   work.planes[size].start(half, 0, columns);
   std::vector<WindowPlane> planes(map.rays.size());
+  int summed = 0;
   for (int v = 0; v < height; ++v) {
-    work.sums.advance(work.heights, std::min(height, v + half + 1));
+    for (; summed < std::min(height, v + half + 1); ++summed) work.sums.add_row(work.heights, summed, near_holes.data());
     planes_of_row(work.sums, windows.fits, windows.holes, v, work.planes[size]);
     const PlaneRow row = work.planes[size].row(v);
     for (int u = 0; u < width; ++u) {
@@ -194,15 +205,14 @@ TEST(WindowPlanes, AreOnlyWhereTheWindowStaysOnOneSideOfEdges) {
 SurfelWork with_windows(const HeightMap& map) {
   SurfelWork work;
   prepare(map, work);
-  for (int v = 0; v < map.intrinsics.height; ++v) take_heights(map, v, 0, map.intrinsics.width, work.heights);
-  fit_windows(EdgeRule({}, map.intrinsics.fx_px), 0, map.intrinsics.height, work);
+  fit_all(map, work);
   return work;
 }
 
 int edges_in_row(const HeightMap& map, int v) {
   const SurfelWork work = with_windows(map);
   int count = 0;
-  for (int u = 0; u < map.intrinsics.width; ++u) count += work.edges.edges.get(u, v) ? 1 : 0;
+  for (int u = 0; u < map.intrinsics.width; ++u) count += work.fits.edges.edges.get(u, v) ? 1 : 0;
   return count;
 }
 
@@ -230,7 +240,7 @@ TEST(Edges, AWindowFitsWhereItsHalfSizeIsLessThanTheDistanceToEdgesAndTheBorder)
       for (const auto& [eu, ev] : edges) expected = std::min(expected, std::max(std::abs(eu - u), std::abs(ev - v)));
       EXPECT_EQ(distance[map.cell(u, v)], expected) << u << ' ' << v;
       for (std::size_t size = 0; size < kWindowHalfSizes_px.size(); ++size) {
-        EXPECT_EQ(work.windows[size].fits.get(u, v), expected > kWindowHalfSizes_px[size]) << u << ' ' << v;
+        EXPECT_EQ(work.fits.windows[size].fits.get(u, v), expected > kWindowHalfSizes_px[size]) << u << ' ' << v;
       }
     }
   }

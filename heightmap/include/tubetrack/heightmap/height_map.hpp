@@ -11,7 +11,7 @@
 namespace tubetrack {
 
 /// Changes are noted by tiles of this size, the first at pixel (0, 0).
-inline constexpr int kTileWidth_px = 32;
+inline constexpr int kTileWidth_px = 16;
 inline constexpr int kTileHeight_px = 16;
 
 /// The image grid of DESIGN §2: a cell is a depth pixel, its height is inverse depth. All buffers are row-major with

@@ -1,0 +1,122 @@
+#include "tiles.hpp"
+
+#include <algorithm>
+
+namespace tubetrack {
+
+namespace {
+
+/// How far a changed cell reaches: its surfels, and an edge between neighbours, or across a gap, beside it.
+constexpr int kReach_px = kSurfelReach_px + 1;
+constexpr int kReachAcrossGaps_px = kSurfelReach_px + kGapLimit_px;
+/// The map is gone through again in this many bands, one every few frames.
+constexpr int kBands = 4;
+constexpr std::uint32_t kFramesPerBand = 16;
+/// Rows and columns beside a region that are worked on for it, which makes one large region cheaper than two.
+constexpr int kExtraColumns_px = 64;
+constexpr int kExtraRows_px = 40;
+
+std::int64_t cost(const Region& r) {
+  return static_cast<std::int64_t>(r.u_end - r.u_begin + kExtraColumns_px) * (r.v_end - r.v_begin + kExtraRows_px);
+}
+
+Region hull(const Region& a, const Region& b) {
+  return {std::min(a.u_begin, b.u_begin), std::max(a.u_end, b.u_end), std::min(a.v_begin, b.v_begin),
+          std::max(a.v_end, b.v_end)};
+}
+
+}  // namespace
+
+void TileLedger::start(const HeightMap& map) {
+  rows_ = map.tile_rows();
+  columns_ = map.tile_columns();
+  const auto tiles = static_cast<std::size_t>(rows_ * columns_);
+  taken_in_.assign(tiles, 0);
+  holes_.assign(tiles, 0);
+  taken_.assign(tiles, 0);
+  affected_.assign(tiles, 0);
+  regions_.reserve(tiles);
+  started_ = false;
+}
+
+bool TileLedger::due(const HeightMap& map, int row, std::size_t tile) const {
+  const std::uint32_t changed = map.tile_changed_in[tile];
+  const std::uint32_t taken = taken_in_[tile];
+  if (!started_ || changed > taken) return true;
+  const std::uint32_t frames_then = taken - changed + 1;
+  const std::uint32_t frames_now = map.frame - changed + 1;
+  if (frames_then < 32) return frames_now >= 2 * frames_then;
+  return map.frame % kFramesPerBand == 0 && map.frame != taken &&
+         static_cast<int>(map.frame / kFramesPerBand % kBands) == row * kBands / rows_;
+}
+
+void TileLedger::mark_affected(int row, int column) {
+  std::uint8_t holes = 0;
+  for (int r = std::max(0, row - 1); r <= std::min(rows_ - 1, row + 1); ++r) {
+    for (int c = std::max(0, column - 1); c <= std::min(columns_ - 1, column + 1); ++c) {
+      holes |= holes_[static_cast<std::size_t>(r * columns_ + c)];
+    }
+  }
+  const int reach = holes != 0 ? kReachAcrossGaps_px : kReach_px;
+  const int down = (reach + kTileHeight_px - 1) / kTileHeight_px;
+  const int across = (reach + kTileWidth_px - 1) / kTileWidth_px;
+  const int first = std::max(0, column - across);
+  const int last = std::min(columns_ - 1, column + across);
+  for (int r = std::max(0, row - down); r <= std::min(rows_ - 1, row + down); ++r) {
+    std::fill_n(affected_.begin() + r * columns_ + first, last - first + 1, std::uint8_t{1});
+  }
+}
+
+/// Affected tiles as rectangles: runs of a row of tiles, joined with each other and with those above where that is less
+/// work than each on its own.
+void TileLedger::gather_regions(const HeightMap& map) {
+  const int width = map.intrinsics.width;
+  const int height = map.intrinsics.height;
+  regions_.clear();
+  for (int row = 0; row < rows_; ++row) {
+    for (int column = 0; column < columns_; ++column) {
+      const std::uint8_t* tiles = affected_.data() + static_cast<std::ptrdiff_t>(row) * columns_;
+      if (!tiles[column]) continue;
+      const int first = column;
+      while (column < columns_ && tiles[column]) ++column;
+      const Region run{first * kTileWidth_px, std::min(column * kTileWidth_px, width), row * kTileHeight_px,
+                       std::min((row + 1) * kTileHeight_px, height)};
+      const auto joined = std::find_if(regions_.rbegin(), regions_.rend(), [&](const Region& region) {
+        return region.v_end >= run.v_begin && cost(hull(region, run)) <= cost(region) + cost(run);
+      });
+      if (joined == regions_.rend()) {
+        regions_.push_back(run);
+      } else {
+        *joined = hull(*joined, run);
+      }
+    }
+  }
+}
+
+std::span<const Region> TileLedger::take_due(const HeightMap& map, Heights& heights) {
+  std::fill(taken_.begin(), taken_.end(), std::uint8_t{0});
+  std::fill(affected_.begin(), affected_.end(), std::uint8_t{0});
+  for (int row = 0; row < rows_; ++row) {
+    for (int column = 0; column < columns_; ++column) {
+      const auto tile = static_cast<std::size_t>(row * columns_ + column);
+      holes_[tile] = static_cast<std::uint8_t>((holes_[tile] & 1) * 3);
+      if (!due(map, row, tile)) continue;
+      const Region cells{column * kTileWidth_px, std::min((column + 1) * kTileWidth_px, map.intrinsics.width),
+                         row * kTileHeight_px, std::min((row + 1) * kTileHeight_px, map.intrinsics.height)};
+      const bool all = take_heights(map, cells, heights);
+      holes_[tile] = static_cast<std::uint8_t>((holes_[tile] & 2) | (all ? 0 : 1));
+      taken_in_[tile] = map.frame;
+      taken_[tile] = 1;
+    }
+  }
+  started_ = true;
+  for (int row = 0; row < rows_; ++row) {
+    for (int column = 0; column < columns_; ++column) {
+      if (taken_[static_cast<std::size_t>(row * columns_ + column)]) mark_affected(row, column);
+    }
+  }
+  gather_regions(map);
+  return regions_;
+}
+
+}  // namespace tubetrack

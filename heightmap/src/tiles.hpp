@@ -1,0 +1,39 @@
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "surfel_region.hpp"
+#include "tubetrack/heightmap/height_map.hpp"
+
+namespace tubetrack {
+
+/// Which tiles of a map the surfels are up to date with.
+class TileLedger {
+ public:
+  void start(const HeightMap& map);
+  /// All tiles are due at the next call.
+  void forget() { started_ = false; }
+
+  /// Takes the heights of the tiles that are due: those with changed cells; those whose cells, which only refine, have
+  /// seen twice as many frames as when their heights were last taken; and, so that a slow drift is followed, a band of
+  /// all tiles every few frames. The regions whose surfels depend on what was taken.
+  std::span<const Region> take_due(const HeightMap& map, Heights& heights);
+
+ private:
+  bool due(const HeightMap& map, int row, std::size_t tile) const;
+  void mark_affected(int row, int column);
+  void gather_regions(const HeightMap& map);
+
+  int rows_ = 0;
+  int columns_ = 0;
+  bool started_ = false;
+  std::vector<std::uint32_t> taken_in_;  ///< by tile: the frame in which its heights were taken
+  std::vector<std::uint8_t> holes_;      ///< by tile: bit 0 now, bit 1 before heights were taken
+  std::vector<std::uint8_t> taken_;      ///< by tile: in this call
+  std::vector<std::uint8_t> affected_;   ///< by tile: surfels depend on what was taken in this call
+  std::vector<Region> regions_;
+};
+
+}  // namespace tubetrack
