@@ -33,6 +33,30 @@ struct Even {
   }
 };
 
+/// A frame of random depths from 0.8 m to 2 m, rounded to disparity levels or not, in millimetres.
+std::vector<std::uint16_t> random_depths(bool at_levels, const NoiseModel& noise) {
+  std::mt19937_64 random(3);
+  std::uniform_real_distribution<double> depth(0.8, 2.0);
+  std::vector<std::uint16_t> pixels(640 * 480);
+  for (std::uint16_t& pixel : pixels) {
+    const double z = depth(random);
+    pixel = static_cast<std::uint16_t>(std::lround(1000.0 * (at_levels ? depth_of_level_m(noise, z) : z)));
+  }
+  return pixels;
+}
+
+TEST(DisparityLevels, ShowInAFrameThatHasThemAndInNoOther) {
+  const NoiseModel noise;
+  const auto levels = random_depths(true, noise);
+  const auto others = random_depths(false, noise);
+  EXPECT_TRUE(lies_at_disparity_levels({levels.data(), 640, 480, 1280, 0.001}, noise));
+  EXPECT_FALSE(lies_at_disparity_levels({others.data(), 640, 480, 1280, 0.001}, noise));
+  NoiseModel without;
+  without.disparity_step_px = 0.0;
+  EXPECT_FALSE(lies_at_disparity_levels({levels.data(), 640, 480, 1280, 0.001}, without));
+  EXPECT_FALSE(lies_at_disparity_levels({levels.data(), 100, 10, 200, 0.001}, noise)) << "too few to tell";
+}
+
 TEST(HeightMap, AFirstReadingIsTakenWithTheSensorsNoise) {
   Even view;
   view.see(0.8);

@@ -91,6 +91,22 @@ TEST(NoiseModel, KnownDevicesHaveTheirs) {
   EXPECT_FALSE(noise_model_of_device(""));
 }
 
+TEST(NoiseModel, AReadingRoundedToMillimetresGoesBackToItsDisparityLevel) {
+  const NoiseModel model;
+  // Up to here levels lie so far apart that no millimetre has two.
+  for (int level = 130; level < 600; ++level) {
+    const double depth_m = model.baseline_focal_m_px / (level * model.disparity_step_px);
+    const double rounded_m = std::round(depth_m * 1000.0) / 1000.0;
+    EXPECT_NEAR(depth_of_level_m(model, depth_m), depth_m, 1e-12);
+    if (depth_m * depth_m * model.disparity_step_px / model.baseline_focal_m_px < 0.0011) continue;
+    EXPECT_NEAR(depth_of_level_m(model, rounded_m), depth_m, 1e-12) << level;
+  }
+  EXPECT_EQ(depth_of_level_m(model, 0.0), 0.0);
+  NoiseModel without = model;
+  without.disparity_step_px = 0.0;
+  EXPECT_EQ(depth_of_level_m(without, 0.8123), 0.8123);
+}
+
 TEST(NoiseModel, AnUnknownNameIsRefusedWithTheKnownOnes) {
   const auto model = noise_model_by_name("kinect9");
   ASSERT_FALSE(model);

@@ -1,0 +1,79 @@
+#include "motion.hpp"
+
+#include <gtest/gtest.h>
+
+#include <Eigen/Geometry>
+
+#include "tracker/tube_scene.hpp"
+#include "tubetrack/tracker/predict.hpp"
+
+namespace tubetrack {
+namespace {
+
+using Eigen::Vector3d;
+
+const Intrinsics kCamera{640, 480, 570.0, 570.0, 319.5, 239.5, {}};
+const Vector3d kMiddle(0.01, -0.02, 0.8);
+const Vector3d kAxis = Vector3d(1.0, 0.3, 0.15).normalized();
+constexpr double kRadius_m = 0.015;
+
+/// What the view of a straight tube says to a model that lies `off_m` beside it.
+struct View {
+  TubeModel model;
+  NormalEquations equations;
+};
+
+View view_from(const Vector3d& off_m, double radius_m = kRadius_m) {
+  const HeightMap map = cylinder_map(kCamera, kMiddle, kAxis, 0.1, kRadius_m);
+  NoiseModel noise;
+  noise.lateral_px = 0.0;
+  View view{straight_model(kMiddle + off_m, kAxis, 0.1, radius_m), {}};
+  const auto observations = select_observations(map, noise, predict_pixels(map, noise, view.model), 0.02, 4.0);
+  view.equations = normal_equations(view.model, observations, {});
+  return view;
+}
+
+MotionEstimate estimate(const View& view, double radius_information) {
+  return estimate_motion(view.model, view.equations.observed, view.equations.observed_right, radius_information);
+}
+
+TEST(Motion, AShiftAcrossTheTubeIsFoundToATenthOfIt) {
+  for (const double shift_m : {0.0002, 0.001, 0.003}) {
+    const Vector3d side = kAxis.cross(kMiddle).normalized();
+    const Vector3d away = side.cross(kAxis);
+    for (const Vector3d& direction : {side, away}) {
+      const View view = view_from(-shift_m * direction);
+      const MotionEstimate found = estimate(view, 1e12);
+      EXPECT_NEAR(found.twist.shift_m.dot(direction), shift_m, 0.1 * shift_m);
+      EXPECT_LT(found.twist.turn_rad.norm(), 0.1 * shift_m / 0.1);
+    }
+  }
+}
+
+TEST(Motion, AlongAStraightTubeNothingMoves) {
+  const MotionEstimate found = estimate(view_from(Vector3d::Zero()), 1e12);
+  EXPECT_LT(found.twist.shift_m.norm(), 1e-6);
+}
+
+TEST(Motion, RestIsToldFromAFifthOfAMillimetre) {
+  const View still = view_from(Vector3d::Zero());
+  EXPECT_LT(motion_chi2(still.model, estimate(still, 1e12), still.equations.observed), 0.01);
+  const Vector3d side = kAxis.cross(kMiddle).normalized();
+  const View moved = view_from(0.0002 * side);
+  EXPECT_GT(motion_chi2(moved.model, estimate(moved, 1e12), 30.0 * still.equations.observed), 1.0);
+  const View far = view_from(0.001 * side);
+  EXPECT_GT(motion_chi2(far.model, estimate(far, 1e12), 30.0 * still.equations.observed), 30.0);
+}
+
+TEST(Motion, ATwistMovesAModelAboutItsMiddle) {
+  TubeModel model = straight_model(kMiddle, kAxis, 0.1, kRadius_m);
+  move(model, {{0.01, 0.0, 0.0}, {0.0, 0.0, 0.1}});
+  const double middle = 0.5 * model.spline.spans();
+  EXPECT_LT((point_at(model.spline, middle) - kMiddle - Vector3d(0.01, 0.0, 0.0)).norm(), 1e-9);
+  const Vector3d along = derivative_at(model.spline, middle).normalized();
+  const Vector3d turned = Eigen::AngleAxisd(0.1, Vector3d::UnitZ()) * kAxis;
+  EXPECT_LT((along - turned).norm(), 1e-9);
+}
+
+}  // namespace
+}  // namespace tubetrack

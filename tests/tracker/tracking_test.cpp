@@ -1,0 +1,140 @@
+// Tubes over time: the same tube keeps its id, is hidden without being lost, and gets more certain while it rests.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <set>
+
+#include "tubetrack/replay/render.hpp"
+#include "tubetrack/report/score.hpp"
+#include "tubetrack/tracker/tube_tracker.hpp"
+
+namespace tubetrack {
+namespace {
+
+struct Followed {
+  std::vector<TruthFrame> truth;
+  std::vector<TubeFrame> results;
+};
+
+Followed follow(Scene scene, int frames) {
+  Followed run;
+  auto tracker = TubeTracker::create({}, scene.camera);
+  EXPECT_TRUE(tracker);
+  for (int i = 0; i < frames; ++i) {
+    RenderedFrame rendered = render_frame(scene, i, {});
+    run.results.push_back(tracker->track(depth_frame(rendered)));
+    run.truth.push_back(std::move(rendered.truth));
+  }
+  return run;
+}
+
+TubeScore score_from(const Followed& run, std::int64_t first_frame) {
+  ScoreRules rules;
+  rules.first_frame = first_frame;
+  const auto score = score_run(run.truth, run.results, rules);
+  EXPECT_TRUE(score);
+  return score ? score->total : TubeScore{};
+}
+
+TEST(Tracking, ThreeCrossingTubesKeepOneIdEachFromTheFirstFrameOn) {
+  const Followed run = follow(*load_scene("crossing"), 10);
+  const TubeScore score = score_from(run, 0);
+  EXPECT_EQ(score.switches, 0);
+  EXPECT_EQ(score.transfers, 0);
+  EXPECT_EQ(score.idf1(), 1.0);
+  for (const TubeFrame& result : run.results) EXPECT_EQ(result.tubes.size(), 3U) << result.frame;
+}
+
+// Goals of DESIGN §5 after 30 frames: 0.12 mm, 0.15 mm of radius.
+TEST(Tracking, AtRestTheLineAndTheRadiusGetTruerWithTime) {
+  const Followed run = follow(*load_scene("crossing"), 30);
+  const TubeScore first = score_from({{run.truth[0]}, {run.results[0]}}, 0);
+  const TubeScore last = score_from(run, 28);
+  std::printf("crossing: first frame %.3f mm, after 28 frames %.3f mm\n", 1e3 * first.rms_m(), 1e3 * last.rms_m());
+  EXPECT_LT(last.rms_m(), 0.00012);
+  EXPECT_LT(last.rms_m(), 0.6 * first.rms_m());
+  for (const Tube& tube : run.results.back().tubes) {
+    const auto error = [&](const TrueTube& true_tube) { return std::abs(true_tube.radius_m - tube.radius_m); };
+    const auto& truth = run.truth.back().tubes;
+    const auto nearest = std::ranges::min_element(truth, {}, error);
+    EXPECT_LT(error(*nearest), 0.00015) << tube.id;
+  }
+}
+
+TEST(Tracking, ATubeInMotionKeepsItsIdAndItsAccuracy) {
+  const Followed run = follow(*load_scene("moving-tube"), 12);
+  const TubeScore score = score_from(run, 0);
+  EXPECT_EQ(score.idf1(), 1.0);
+  EXPECT_GE(score.coverage(), 0.99);
+  EXPECT_LE(score.rms_m(), 0.0003);
+}
+
+TEST(Tracking, WithAMovingCameraTubesKeepTheirIdsInTheWorldFrame) {
+  const Followed run = follow(*load_scene("moving-camera"), 8);
+  const TubeScore score = score_from(run, 0);
+  EXPECT_EQ(score.idf1(), 1.0);
+  EXPECT_GE(score.coverage(), 0.99);
+  EXPECT_LE(score.rms_m(), 0.0003);
+}
+
+// A hand takes some ten frames to pass in front of the middle of the tube.
+TEST(Tracking, BehindAHandTheTubeStaysOneAndItsHiddenPartIsMarked) {
+  const Followed run = follow(*load_scene("hand"), 20);
+  std::set<std::int64_t> ids;
+  int hidden_nodes = 0;
+  for (const TubeFrame& result : run.results) {
+    for (const Tube& tube : result.tubes) {
+      if (tube.length_m < 0.4 || tube.state != TubeState::tracked) continue;
+      ids.insert(tube.id);
+      // Ends apart, only what the hand covers is not visible.
+      hidden_nodes += static_cast<int>(std::count(tube.node_visible.begin() + 2, tube.node_visible.end() - 2, false));
+    }
+  }
+  EXPECT_EQ(ids.size(), 1U);
+  EXPECT_GT(hidden_nodes, 10);
+}
+
+TEST(Tracking, ATubeThatIsGoneIsLostAndForgottenAfterASecond) {
+  Scene scene = *load_scene("straight");
+  Scene empty = scene;
+  empty.tubes.clear();
+  auto tracker = TubeTracker::create({}, scene.camera);
+  ASSERT_TRUE(tracker);
+  const auto track = [&](const Scene& shown, int frame) {
+    const RenderedFrame rendered = render_frame(shown, frame, {});
+    return tracker->track(depth_frame(rendered)).tubes;
+  };
+  for (int i = 0; i < 3; ++i) ASSERT_EQ(track(scene, i).size(), 1U);
+  const auto gone = track(empty, 3);
+  ASSERT_EQ(gone.size(), 1U);
+  EXPECT_EQ(gone[0].state, TubeState::lost);
+  EXPECT_EQ(gone[0].confidence, 0.0);
+  EXPECT_TRUE(std::ranges::none_of(gone[0].node_visible, [](bool visible) { return visible; }));
+  for (int i = 4; i < 30; ++i) ASSERT_EQ(track(empty, i).size(), 1U) << i;
+  for (int i = 30; i < 34; ++i) track(empty, i);
+  EXPECT_TRUE(track(empty, 34).empty());
+}
+
+TEST(Tracking, ATubeThatComesBackWithinASecondHasItsOldId) {
+  Scene scene = *load_scene("straight");
+  Scene empty = scene;
+  empty.tubes.clear();
+  Scene beside = scene;
+  beside.tubes[0].start_m += Eigen::Vector3d(0.02, 0.06, 0.0);
+  auto tracker = TubeTracker::create({}, scene.camera);
+  ASSERT_TRUE(tracker);
+  int frame = 0;
+  const auto track = [&](const Scene& shown) {
+    const RenderedFrame rendered = render_frame(shown, frame++, {});
+    return tracker->track(depth_frame(rendered)).tubes;
+  };
+  const std::int64_t id = track(scene).at(0).id;
+  for (int i = 0; i < 10; ++i) track(empty);
+  const auto back = track(beside);
+  ASSERT_EQ(back.size(), 1U);
+  EXPECT_EQ(back[0].id, id);
+  EXPECT_EQ(back[0].state, TubeState::tracked);
+}
+
+}  // namespace
+}  // namespace tubetrack
