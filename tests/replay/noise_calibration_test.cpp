@@ -164,7 +164,9 @@ TEST(CalibrateNoise, RefusesWhatMovesAndSaysTheShare) {
 
 TEST(CalibrateNoise, AHandInACornerIsLeftOut) {
   Scene scene = wall_at(1.5);
-  scene.solids.push_back({CapsuleShape{{-0.5, -0.3, 0.9}, {-0.4, -0.3, 0.9}, 0.04}, {{0.3, 0.0, 0.0}, {}, {}}});
+  Motion to_the_right;
+  to_the_right.velocity_m_s = {0.3, 0.0, 0.0};
+  scene.solids.push_back({CapsuleShape{{-0.5, -0.3, 0.9}, {-0.4, -0.3, 0.9}, 0.04}, to_the_right});
   const auto calibration = calibrate_noise(watched(scene, 20), scene.camera, {});
   ASSERT_TRUE(calibration) << calibration.error().message;
   EXPECT_THAT(calibration->notes, testing::Contains(HasSubstr("% of the pixels changed")));

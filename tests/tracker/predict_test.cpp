@@ -145,7 +145,7 @@ TEST(PredictPixels, ATubeThatComesUpToTheCameraIsLeftOutThere) {
   for (const PredictedPixel& pixel : pixels) EXPECT_GT(pixel.depth_m, 0.0F);
 }
 
-TEST(SelectObservations, TakesReadingsWithinTheGateAndBelow75Degrees) {
+TEST(SelectObservations, TakesReadingsWithinTheGateBelow75DegreesAndInsideTheSilhouetteWithoutTheJittersBias) {
   const Vector3d axis = Vector3d::UnitX();
   HeightMap map = cylinder_map(kCamera, {0.0, 0.0, 0.8}, axis, 0.1, 0.03);
   const TubeModel model = straight_model({0.0, 0.0, 0.8}, axis, 0.1, 0.03);
@@ -159,14 +159,15 @@ TEST(SelectObservations, TakesReadingsWithinTheGateAndBelow75Degrees) {
     EXPECT_NEAR(sigma, depth_sigma_m(noise, pixel.depth_m, incidence, 285.0), 1e-6 * sigma);
     const std::size_t turn = pixel.cell % 3;  // as it is, just inside, just outside
     const double gate = 0.002 + 3.0 * sigma;
-    map.depth_m[pixel.cell] = static_cast<float>(pixel.depth_m + (turn == 0 ? 0.0 : turn == 1 ? 0.99 : 1.01) * gate);
-    if (turn < 2 && incidence < 75.0 / 180.0 * std::numbers::pi) wanted.push_back(pixel);
+    map.depth_m[pixel.cell] = static_cast<float>(pixel.depth_m + pixel.jitter_bias_m + (turn == 0 ? 0.0 : turn == 1 ? 0.99 : 1.01) * gate);
+    if (turn < 2 && pixel.margin_px >= 1.0F && incidence < 75.0 / 180.0 * std::numbers::pi) wanted.push_back(pixel);
   }
   const auto observations = select_observations(map, noise, predicted, 0.002, 3.0);
   ASSERT_EQ(observations.size(), wanted.size());
   for (std::size_t i = 0; i < wanted.size(); ++i) {
     const Vector3d ray = ray_of(map, wanted[i].cell);
-    EXPECT_LT((observations[i].point_m - map.depth_m[wanted[i].cell] * ray).norm(), 1e-12);
+    const double unbiased_m = 1.0 * map.depth_m[wanted[i].cell] - wanted[i].jitter_bias_m;
+    EXPECT_LT((observations[i].point_m - unbiased_m * ray).norm(), 1e-12);
     EXPECT_NEAR(observations[i].direction.dot(ray), ray.norm(), 1e-12);
     EXPECT_NEAR(observations[i].sigma_m, static_cast<double>(wanted[i].sigma_m) * ray.norm(), 1e-12);
     EXPECT_EQ(observations[i].t, wanted[i].t);
