@@ -57,7 +57,8 @@ Pixels scene(double aside_m, unsigned seed) {
 /// The same scene with other noise; or the tube going to and fro by 4 mm a frame.
 std::vector<Pixels> recording(bool moving) {
   std::vector<Pixels> frames;
-  for (int i = 0; i < 16; ++i) frames.push_back(scene(moving ? 0.004 * std::min(i, 16 - i) : 0.0, 1U + static_cast<unsigned>(i)));
+  for (int i = 0; i < 16; ++i)
+    frames.push_back(scene(moving ? 0.004 * std::min(i, 16 - i) : 0.0, 1U + static_cast<unsigned>(i)));
   return frames;
 }
 

@@ -32,9 +32,8 @@ HWY_INLINE bool FuseCells(const FuseOptions& o, const CellRow& row, int i) {
   const D8 d8;
   const auto raw = hn::PromoteTo(di, hn::LoadU(D16(), row.pixels + i));
   const V z = hn::Mul(hn::ConvertTo(d, raw), hn::Set(d, o.metres_per_unit));
-  const auto usable =
-      hn::And(hn::RebindMask(d, hn::Gt(raw, hn::Zero(di))),
-              hn::And(hn::Ge(z, hn::Set(d, o.depth_min_m)), hn::Le(z, hn::Set(d, o.depth_max_m))));
+  const auto usable = hn::And(hn::RebindMask(d, hn::Gt(raw, hn::Zero(di))),
+                              hn::And(hn::Ge(z, hn::Set(d, o.depth_min_m)), hn::Le(z, hn::Set(d, o.depth_max_m))));
   const V one = hn::Set(d, 1.0F);
   const V height = hn::Div(one, hn::IfThenElse(usable, z, one));
   const V height2 = hn::Mul(height, height);

@@ -54,12 +54,8 @@ void update(HeightMap& map, const DepthFrame& frame, const NoiseModel& noise, co
     clear_cells(map, v, 0, u_begin);
     clear_cells(map, v, u_end, frame.width);
     const std::size_t at = map.cell(u_begin, v);
-    const CellRow row{frame.row(v) + u_begin,
-                      map.depth_m.data() + at,
-                      map.inverse_depth_per_m.data() + at,
-                      map.variance_per_m2.data() + at,
-                      map.count.data() + at,
-                      map.strikes.data() + at};
+    const CellRow row{frame.row(v) + u_begin,          map.depth_m.data() + at, map.inverse_depth_per_m.data() + at,
+                      map.variance_per_m2.data() + at, map.count.data() + at,   map.strikes.data() + at};
     fuse_row(options, row, u_begin, u_end - u_begin, map.frame,
              map.tile_changed_in.data() + static_cast<std::ptrdiff_t>(v / kTileHeight_px) * map.tile_columns());
   }

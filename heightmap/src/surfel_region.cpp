@@ -44,7 +44,8 @@ void find_in_region(const SurfelRule& rule, const Region& region, SurfelWork& wo
   const int columns = u_end - region.u_begin + 2 * kPlanesReach_px;
   // Sums are made in whole blocks.
   const int sums_begin = (region.u_begin + kMargin_px - kSumsReach_px) / kSumBlock_px * kSumBlock_px - kMargin_px;
-  const int sums_end = (u_end + kMargin_px + kSumsReach_px + kSumBlock_px - 1) / kSumBlock_px * kSumBlock_px - kMargin_px;
+  const int sums_end =
+      (u_end + kMargin_px + kSumsReach_px + kSumBlock_px - 1) / kSumBlock_px * kSumBlock_px - kMargin_px;
   work.sums.start(sums_begin, sums_end - sums_begin);
   for (std::size_t size = 0; size < kWindowSizes; ++size) {
     work.planes[size].start(kWindowHalfSizes_px[size], region.u_begin - kPlanesReach_px, columns);

@@ -86,9 +86,10 @@ HWY_INLINE V Difference(const Between& between, const float* before, const float
                  hn::IfThenElse(between.before, hn::LoadU(d, before), center));
 }
 
-/// Whether the inverse depth bends down in some direction by more than `sigmas` of the second difference's noise: whether
-/// its second derivatives plus that limit are not positive definite.
-HWY_INLINE M BendsDown(const Neighbourhood& n, int i, const Between& across, const Between& down, float aspect, float sigmas) {
+/// Whether the inverse depth bends down in some direction by more than `sigmas` of the second difference's noise:
+/// whether its second derivatives plus that limit are not positive definite.
+HWY_INLINE M BendsDown(const Neighbourhood& n, int i, const Between& across, const Between& down, float aspect,
+                       float sigmas) {
   const int h = n.half;
   const float* u = n.row.slope_u + i;
   const float* v = n.row.slope_v + i;
@@ -122,8 +123,7 @@ struct Rays {
 HWY_INLINE Rays RaysWithoutDistortion(const SurfelRule& rule, int u, int v, V slope_u, V slope_v) {
   const V x = hn::Sub(hn::Add(hn::Load(D(), kLane), Set(static_cast<float>(u))), Set(rule.cx_px));
   return {hn::Mul(x, Set(1.0F / rule.fx_px)), Set((static_cast<float>(v) - rule.cy_px) * (1.0F / rule.fy_px)),
-          hn::Mul(slope_u, Set(rule.fx_px)), hn::Mul(slope_v, Set(rule.fy_px)),
-          Set(std::max(rule.fx_px, rule.fy_px))};
+          hn::Mul(slope_u, Set(rule.fx_px)), hn::Mul(slope_v, Set(rule.fy_px)), Set(std::max(rule.fx_px, rule.fy_px))};
 }
 
 HWY_INLINE Rays RaysOfTable(const float* x, const float* y, std::ptrdiff_t stride, V slope_u, V slope_v) {
@@ -138,8 +138,7 @@ HWY_INLINE Rays RaysOfTable(const float* x, const float* y, std::ptrdiff_t strid
   const V det = hn::Sub(hn::Mul(xu, yv), hn::Mul(xv, yu));
   const V per_px2 = hn::Min(hn::Add(hn::Mul(xu, xu), hn::Mul(xv, xv)), hn::Add(hn::Mul(yu, yu), hn::Mul(yv, yv)));
   return {hn::LoadU(d, x), hn::LoadU(d, y), hn::Div(hn::Sub(hn::Mul(slope_u, yv), hn::Mul(slope_v, yu)), det),
-          hn::Div(hn::Sub(hn::Mul(slope_v, xu), hn::Mul(slope_u, xv)), det),
-          hn::Div(Set(1.0F), hn::Sqrt(per_px2))};
+          hn::Div(hn::Sub(hn::Mul(slope_v, xu), hn::Mul(slope_u, xv)), det), hn::Div(Set(1.0F), hn::Sqrt(per_px2))};
 }
 
 /// The planes of `row`, which is `rows_down` below the neighbourhood's, in cells i and on.
@@ -148,9 +147,8 @@ HWY_INLINE Facet FacetAt(const SurfelRule& rule, const Neighbourhood& n, const P
   const V slope_u = hn::LoadU(d, row.slope_u + i);
   const V slope_v = hn::LoadU(d, row.slope_v + i);
   const std::ptrdiff_t ray_at = i + rows_down * n.ray_stride;
-  const Rays r = rule.distorted
-                     ? RaysOfTable(n.ray_x + ray_at, n.ray_y + ray_at, n.ray_stride, slope_u, slope_v)
-                     : RaysWithoutDistortion(rule, n.u_begin + i, n.v + rows_down, slope_u, slope_v);
+  const Rays r = rule.distorted ? RaysOfTable(n.ray_x + ray_at, n.ray_y + ray_at, n.ray_stride, slope_u, slope_v)
+                                : RaysWithoutDistortion(rule, n.u_begin + i, n.v + rows_down, slope_u, slope_v);
   const V a = r.slope_x;
   const V b = r.slope_y;
   const V w = hn::LoadU(d, row.height + i);
@@ -169,16 +167,15 @@ struct Curvature {
   V sigma_per_m;
 };
 
-HWY_INLINE Curvature CurvatureOf(const SurfelRule& rule, const Neighbourhood& n, int i, const Facet& middle, const Between& across,
-                      const Between& down) {
+HWY_INLINE Curvature CurvatureOf(const SurfelRule& rule, const Neighbourhood& n, int i, const Facet& middle,
+                                 const Between& across, const Between& down) {
   const int h = n.half;
   const Facet before = FacetAt(rule, n, n.row, i - h, 0);
   const Facet after = FacetAt(rule, n, n.row, i + h, 0);
   const Facet above = FacetAt(rule, n, n.above, i, -h);
   const Facet below = FacetAt(rule, n, n.below, i, h);
-  const auto step = [&](const Between& known, const V3& first, const V3& mid, const V3& second) HWY_ATTR {
-    return Sub(Select(known.after, second, mid), Select(known.before, first, mid));
-  };
+  const auto step = [&](const Between& known, const V3& first, const V3& mid, const V3& second)
+                        HWY_ATTR { return Sub(Select(known.after, second, mid), Select(known.before, first, mid)); };
   const V3 step_u = step(across, before.position_m, middle.position_m, after.position_m);
   const V3 turn_u = step(across, before.normal, middle.normal, after.normal);
   const V3 step_v = step(down, above.position_m, middle.position_m, below.position_m);
@@ -238,7 +235,8 @@ std::uint64_t Surfels(const SurfelRule& rule, const Neighbourhood& n, int i, M c
   const V two_sigma = hn::Mul(Set(2.0F), k.sigma_per_m);
   const V low = hn::Div(Set(0.8F), hn::Add(k.greater_per_m, two_sigma));
   const V high = hn::Div(Set(1.25F), hn::Sub(k.greater_per_m, two_sigma));
-  M good = hn::And(candidates, hn::And(k.known, hn::Ge(k.greater_per_m, hn::Mul(Set(rule.gate_sigmas), k.sigma_per_m))));
+  M good =
+      hn::And(candidates, hn::And(k.known, hn::Ge(k.greater_per_m, hn::Mul(Set(rule.gate_sigmas), k.sigma_per_m))));
   good = hn::And(good, hn::Le(hn::Mul(k.greater_per_m, half_m), Set(0.8F)));  // no wider than the tube it suggests
   good = hn::And(good, hn::And(hn::Ge(high, Set(rule.radius_min_m)), hn::Le(low, Set(rule.radius_max_m))));
   const std::uint64_t bits = Bits(good);
@@ -316,8 +314,9 @@ SurfelRule::SurfelRule(const Intrinsics& in, float longest_ray2, const NoiseMode
 void surfels_of_row(const SurfelRule& rule, PlaneRing& planes, const RayTable& rays, const Grid& grid, int v,
                     int u_begin, int u_end, std::uint64_t* found, FoundSurfel* row) {
   const int half = planes.half_px();
-  Neighbourhood n{planes.row(v), planes.row(v - half), planes.row(v + half), nullptr, nullptr, grid.stride(),
-                  planes.u_begin(), v, half};
+  Neighbourhood n{planes.row(v), planes.row(v - half), planes.row(v + half), nullptr,
+                  nullptr,       grid.stride(),        planes.u_begin(),     v,
+                  half};
   if (rule.distorted) {
     const auto ray_at = static_cast<std::ptrdiff_t>(RayTable::at(grid, planes.u_begin(), v));
     n.ray_x = rays.x.data() + ray_at;

@@ -20,8 +20,8 @@ using DI = hn::Rebind<std::int32_t, D>;
 using D8 = hn::Rebind<std::uint8_t, D>;
 
 /// Whether every cell has a height.
-HWY_INLINE bool TakeCells(const float* height, const float* variance, const std::uint8_t* count, std::int32_t* height_out,
-                          std::int32_t* variance_out) {
+HWY_INLINE bool TakeCells(const float* height, const float* variance, const std::uint8_t* count,
+                          std::int32_t* height_out, std::int32_t* variance_out) {
   const D d;
   const DI di;
   const auto half = hn::Set(d, 0.5F);
@@ -35,8 +35,8 @@ HWY_INLINE bool TakeCells(const float* height, const float* variance, const std:
   return hn::AllTrue(d, usable);
 }
 
-bool TakeRow(const float* height, const float* variance, const std::uint8_t* count, int cells,
-             std::int32_t* height_out, std::int32_t* variance_out) {
+bool TakeRow(const float* height, const float* variance, const std::uint8_t* count, int cells, std::int32_t* height_out,
+             std::int32_t* variance_out) {
   const int lanes = static_cast<int>(hn::Lanes(D()));
   bool all = true;
   int i = 0;
@@ -72,8 +72,8 @@ bool take_heights(const HeightMap& map, const Region& region, Heights& out) {
     const std::size_t from = map.cell(region.u_begin, v);
     const std::size_t to = out.grid.at(region.u_begin, v);
     all &= HWY_DYNAMIC_DISPATCH(TakeRow)(map.inverse_depth_per_m.data() + from, map.variance_per_m2.data() + from,
-                                         map.count.data() + from, region.u_end - region.u_begin,
-                                         out.height.data() + to, out.variance.data() + to);
+                                         map.count.data() + from, region.u_end - region.u_begin, out.height.data() + to,
+                                         out.variance.data() + to);
   }
   return all;
 }

@@ -181,8 +181,8 @@ void planes_of_row(const WindowSums& sums, const BitImage& fits, const BitImage&
     return;
   }
   HWY_DYNAMIC_DISPATCH(PlanesOfRow)
-  (sums.row(v - half), sums.row(v + half + 1), sums.stride(), sums.index(planes.u_begin()), half,
-   planes.u_begin(), v, planes.columns(), fits.row(v), holes.row(v), out);
+  (sums.row(v - half), sums.row(v + half + 1), sums.stride(), sums.index(planes.u_begin()), half, planes.u_begin(), v,
+   planes.columns(), fits.row(v), holes.row(v), out);
 }
 
 }  // namespace tubetrack

@@ -14,7 +14,7 @@ inline constexpr float kNoPlane = 1e30F;
 /// One row of least-squares planes w = height + slope_u du + slope_v dv over windows, w the inverse depth, (du, dv) the
 /// pixels from the window's middle. For a camera without distortion that is a plane in space.
 struct PlaneRow {
-  float* slope_u = nullptr;      ///< 1/m per pixel
+  float* slope_u = nullptr;  ///< 1/m per pixel
   float* slope_v = nullptr;
   float* slope_sigma = nullptr;  ///< of the less certain slope
   float* height = nullptr;       ///< 1/m

@@ -14,9 +14,9 @@ enum SumChannel : int { kH, kVariance, kUH, kVH, kCount, kU, kV, kUU, kUV, kVV, 
 /// Columns that are summed with the moments of the cells that have a height, or without, together.
 inline constexpr int kSumBlock_px = 32;
 
-/// Summed-area table of a strip of columns, of its last 32 rows only. Row v holds sums over the rows up to v − 1, entry u
-/// those over the columns up to u − 1, modulo 2³². From where they run does not matter: only differences are used, over
-/// windows.
+/// Summed-area table of a strip of columns, of its last 32 rows only. Row v holds sums over the rows up to v − 1, entry
+/// u those over the columns up to u − 1, modulo 2³². From where they run does not matter: only differences are used,
+/// over windows.
 class WindowSums {
  public:
   /// `u_begin` and `columns` are multiples of kSumBlock_px.

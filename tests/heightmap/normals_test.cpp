@@ -42,7 +42,8 @@ void fit_all(const HeightMap& map, SurfelWork& work) {
   fit_windows(all, work.fits);
 }
 
-/// Planes as the surfel stage makes them: wherever the window is within the image, or (`edges`) on one side of edges too.
+/// Planes as the surfel stage makes them: wherever the window is within the image, or (`edges`) on one side of edges
+/// too.
 std::vector<WindowPlane> window_planes(const HeightMap& map, std::size_t size, bool edges = false) {
   const int width = map.intrinsics.width;
   const int height = map.intrinsics.height;
@@ -63,7 +64,8 @@ std::vector<WindowPlane> window_planes(const HeightMap& map, std::size_t size, b
   std::vector<WindowPlane> planes(map.rays.size());
   int summed = 0;
   for (int v = 0; v < height; ++v) {
-    for (; summed < std::min(height, v + half + 1); ++summed) work.sums.add_row(work.heights, summed, near_holes.data());
+    for (; summed < std::min(height, v + half + 1); ++summed)
+      work.sums.add_row(work.heights, summed, near_holes.data());
     planes_of_row(work.sums, windows.fits, windows.holes, v, work.planes[size]);
     const PlaneRow row = work.planes[size].row(v);
     for (int u = 0; u < width; ++u) {
@@ -101,7 +103,7 @@ TEST(WindowPlanes, OfAPlaneAreThatPlane) {
       map.count[i] = 1;
     }
     for (std::size_t size = 0; size < kWindowHalfSizes_px.size(); ++size) {
-    const int half = kWindowHalfSizes_px[size];
+      const int half = kWindowHalfSizes_px[size];
       const auto planes = window_planes(map, size);
       int found = 0;
       for (const WindowPlane& plane : planes) {

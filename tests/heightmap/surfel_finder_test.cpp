@@ -79,8 +79,7 @@ Comparison compare(std::span<const Surfel> a, std::span<const Surfel> b) {
         continue;
       }
       ++result.both;
-      result.worst_angle_rad =
-          std::max<double>(result.worst_angle_rad, s.inward_normal.cross(t.inward_normal).norm());
+      result.worst_angle_rad = std::max<double>(result.worst_angle_rad, s.inward_normal.cross(t.inward_normal).norm());
       result.worst_position_m = std::max<double>(result.worst_position_m, (s.position_m - t.position_m).norm());
       result.worst_band = std::max<double>(result.worst_band, std::abs(s.radius_max_m / t.radius_max_m - 1.0F));
     }
@@ -107,11 +106,11 @@ TEST(SurfelFinder, FindsWhatTheSlowOneFinds) {
     const auto fast = tube_surfels(map, {}, {});
     const auto slow = slow_tube_surfels(map, {}, {});
     const Comparison result = compare(fast, slow);
-    std::printf("%s, holes %.1f, noise %.0f: %zu and %zu surfels, %zu in both, %zu in one; normals %.1e rad, "
-                "positions %.1e m, bands %.1e\n",
-                c.camera.has_distortion() ? "distorted" : "pinhole", c.hole_share, c.noise_scale, fast.size(),
-                slow.size(), result.both, result.one_only, result.worst_angle_rad, result.worst_position_m,
-                result.worst_band);
+    std::printf(
+        "%s, holes %.1f, noise %.0f: %zu and %zu surfels, %zu in both, %zu in one; normals %.1e rad, "
+        "positions %.1e m, bands %.1e\n",
+        c.camera.has_distortion() ? "distorted" : "pinhole", c.hole_share, c.noise_scale, fast.size(), slow.size(),
+        result.both, result.one_only, result.worst_angle_rad, result.worst_position_m, result.worst_band);
     EXPECT_GT(slow.size(), 1000U);
     // With distortion and holes the moments of the pixels stand in for those of the rays.
     EXPECT_LE(result.one_only, slow.size() / (c.camera.has_distortion() ? 100 : 500));

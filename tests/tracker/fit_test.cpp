@@ -1,5 +1,3 @@
-#include "tubetrack/tracker/predict.hpp"
-
 #include <gtest/gtest.h>
 
 #include <Eigen/Geometry>
@@ -9,6 +7,7 @@
 
 #include "tracker/tube_scene.hpp"
 #include "tubetrack/sensors/noise_model.hpp"
+#include "tubetrack/tracker/predict.hpp"
 
 namespace tubetrack {
 namespace {

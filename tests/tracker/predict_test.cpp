@@ -1,3 +1,5 @@
+#include "tubetrack/tracker/predict.hpp"
+
 #include <gtest/gtest.h>
 
 #include <Eigen/Geometry>
@@ -8,7 +10,6 @@
 #include <random>
 
 #include "tracker/tube_scene.hpp"
-#include "tubetrack/tracker/predict.hpp"
 
 namespace tubetrack {
 namespace {
@@ -159,7 +160,11 @@ TEST(SelectObservations, TakesReadingsWithinTheGateBelow75DegreesAndInsideTheSil
     EXPECT_NEAR(sigma, depth_sigma_m(noise, pixel.depth_m, incidence, 285.0), 1e-6 * sigma);
     const std::size_t turn = pixel.cell % 3;  // as it is, just inside, just outside
     const double gate = 0.002 + 3.0 * sigma;
-    map.depth_m[pixel.cell] = static_cast<float>(pixel.depth_m + pixel.jitter_bias_m + (turn == 0 ? 0.0 : turn == 1 ? 0.99 : 1.01) * gate);
+    map.depth_m[pixel.cell] = static_cast<float>(pixel.depth_m + pixel.jitter_bias_m +
+                                                 (turn == 0   ? 0.0
+                                                  : turn == 1 ? 0.99
+                                                              : 1.01) *
+                                                     gate);
     if (turn < 2 && pixel.margin_px >= 1.0F && incidence < 75.0 / 180.0 * std::numbers::pi) wanted.push_back(pixel);
   }
   const auto observations = select_observations(map, noise, predicted, 0.002, 3.0);

@@ -118,8 +118,7 @@ void come_back(FollowedTube& tube, FoundTube found, const HeightMap& map, const 
   // The radius known from before counts on.
   const double sum = tube.radius_information + radius_information;
   if (radius_information > 0.0 && tube.radius_information > 0.0) {
-    tube.model.radius_m =
-        (tube.radius_information * tube.model.radius_m + radius_information * radius_m) / sum;
+    tube.model.radius_m = (tube.radius_information * tube.model.radius_m + radius_information * radius_m) / sum;
     tube.radius_information = sum;
   }
   if (brief && across.norm() > 0.5 * tube.model.radius_m) {

@@ -244,7 +244,8 @@ void judge_beside(const Beside& beside, Side& side) {
   side.rises = 2 * rises >= static_cast<int>(kParts);
 }
 
-void look_beside(const HeightMap& map, const NoiseModel& noise, const TubeModel& model, const Extent& extent, Evidence& evidence) {
+void look_beside(const HeightMap& map, const NoiseModel& noise, const TubeModel& model, const Extent& extent,
+                 Evidence& evidence) {
   TubeModel wide = model;
   wide.radius_m = kRingBorders.back() * model.radius_m;
   const std::vector<PredictedPixel> pixels = predict_pixels(map, noise, wide);

@@ -97,8 +97,9 @@ std::vector<FoundTube> find_tubes(AccumulationMap& votes, std::span<const Surfel
     const Seed seed{center, axis_of(sum).direction, radius_m, smooth_part(trace, peak, radius_m)};
     watch.lap(times.trace_ms);
     auto found = grow_tube(map, config, seed);
-    const bool known = found && std::any_of(tubes.begin(), tubes.end(),
-                                            [&](const FoundTube& tube) { return same_tube(found->model, found->extent, tube.model, tube.extent); });
+    const bool known = found && std::any_of(tubes.begin(), tubes.end(), [&](const FoundTube& tube) {
+                         return same_tube(found->model, found->extent, tube.model, tube.extent);
+                       });
     if (!found || known || why_no_tube(*found, config)) {
       ++failures;
       failed.insert(failed.end(), trace.begin(), trace.end());

@@ -62,7 +62,8 @@ std::optional<FoundTube> fit_seed(const HeightMap& map, const TrackerConfig& con
   TubeModel& model = found.model;
   model.radius_m = config.radius_m.value_or(seed.radius_m);
   const Eigen::Vector3d half = model.radius_m * seed.axis;
-  model.spline = spline_along({seed.center_m - half, seed.center_m, seed.center_m + half}, kKnotSpacingRadii * model.radius_m);
+  model.spline =
+      spline_along({seed.center_m - half, seed.center_m, seed.center_m + half}, kKnotSpacingRadii * model.radius_m);
   FitOptions options;
   options.suppleness = 0.02;
   options.radius_min_m = 0.5 * config.radius_min_m;

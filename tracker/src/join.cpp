@@ -17,8 +17,7 @@ std::vector<Eigen::Vector3d> line_of(const FoundTube& tube, bool backwards) {
   std::vector<Eigen::Vector3d> line;
   for (int i = 0; i <= pieces; ++i) {
     const double s = static_cast<double>(backwards ? pieces - i : i) / pieces;
-    line.push_back(
-        point_at(tube.model.spline, tube.extent.t_begin + s * (tube.extent.t_end - tube.extent.t_begin)));
+    line.push_back(point_at(tube.model.spline, tube.extent.t_begin + s * (tube.extent.t_end - tube.extent.t_begin)));
   }
   return line;
 }
@@ -37,7 +36,8 @@ std::vector<Eigen::Vector3d> one_line(const FoundTube& a, const FoundTube& b) {
       const Eigen::Vector3d out = (first.back() - first[first.size() - 3]).normalized();
       const Eigen::Vector3d in = (second[2] - second.front()).normalized();
       const double length = gap.norm();
-      const bool smooth = out.dot(gap) > kCos35 * length && in.dot(gap) > kCos35 * length && out.dot(in) > kCos35 * kCos35;
+      const bool smooth =
+          out.dot(gap) > kCos35 * length && in.dot(gap) > kCos35 * length && out.dot(in) > kCos35 * kCos35;
       if (!smooth || length >= best_gap) continue;
       best_gap = length;
       first.insert(first.end(), second.begin(), second.end());
@@ -70,7 +70,8 @@ std::optional<FoundTube> join_pieces(const HeightMap& map, const TrackerConfig& 
   if (line.empty()) return std::nullopt;
   const bool a_longer = a.evidence.length_m > b.evidence.length_m;
   FoundTube joined;
-  joined.model = {spline_along(line, kKnotSpacingRadii * a.model.radius_m), a_longer ? a.model.radius_m : b.model.radius_m};
+  joined.model = {spline_along(line, kKnotSpacingRadii * a.model.radius_m),
+                  a_longer ? a.model.radius_m : b.model.radius_m};
   FitOptions options;
   options.radius_m = config.radius_m;
   options.radius_min_m = 0.5 * config.radius_min_m;

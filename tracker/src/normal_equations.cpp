@@ -43,8 +43,8 @@ std::vector<Stretch> sum_stretches(const TubeModel& model, std::span<const Obser
   for (const Observation& observation : observations) {
     const ResidualTerm term = residual_of(model, observation);
     if (!term.valid) continue;
-    Stretch& s = stretches[static_cast<std::size_t>(
-        std::clamp(static_cast<int>(term.t * kStretchesPerSpan), 0, count - 1))];
+    Stretch& s =
+        stretches[static_cast<std::size_t>(std::clamp(static_cast<int>(term.t * kStretchesPerSpan), 0, count - 1))];
     const double weight = inverse_square(observation.sigma_m);
     const Eigen::Vector3d weighted = weight * term.by_point;
     s.point_point += weighted * term.by_point.transpose();

@@ -17,7 +17,8 @@ struct NormalEquations {
   int used = 0;  ///< observations whose ray meets the tube well
 };
 
-/// Observations, the priors on the centreline's shape and what earlier frames say. With the radius held its row is the identity's.
+/// Observations, the priors on the centreline's shape and what earlier frames say. With the radius held its row is the
+/// identity's.
 NormalEquations normal_equations(const TubeModel& model, std::span<const Observation> observations,
                                  const FitOptions& options);
 

@@ -13,9 +13,9 @@ namespace {
 /// A short straight piece of the tube, cut off by the mitre planes it shares with its neighbours.
 struct Piece {
   Eigen::Vector3d start_m, end_m;
-  Eigen::Vector3d axis;                      ///< unit
-  Eigen::Vector3d start_across;              ///< of start_m, the part across the axis
-  Eigen::Vector3d start_mitre, end_mitre;    ///< normals of the planes, per metre along this piece's axis
+  Eigen::Vector3d axis;                    ///< unit
+  Eigen::Vector3d start_across;            ///< of start_m, the part across the axis
+  Eigen::Vector3d start_mitre, end_mitre;  ///< normals of the planes, per metre along this piece's axis
   double t_start = 0.0;
 };
 
@@ -126,8 +126,8 @@ bool intersect(const Piece& piece, double radius_m, const Eigen::Vector3d& ray, 
   const double side = piece.start_across.cross(ray_across).dot(piece.axis) > 0.0 ? 1.0 : -1.0;
   pixel.depth_m = static_cast<float>(z);
   pixel.t = static_cast<float>(piece.t_start + kSpansPerPiece * from_start / (from_start + to_end));
-  pixel.cos_incidence = static_cast<float>((piece.start_across - z * ray_across).dot(ray_across) /
-                                           (radius_m * ray.norm()));
+  pixel.cos_incidence =
+      static_cast<float>((piece.start_across - z * ray_across).dot(ray_across) / (radius_m * ray.norm()));
   pixel.lateral = static_cast<float>(side * std::sqrt(std::max(0.0, off2 - b * b / a)) / radius_m);
   pixel.axis_depth_m = static_cast<float>(b / a);
   pixel.across = static_cast<float>(std::sqrt(a));

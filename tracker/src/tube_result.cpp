@@ -46,15 +46,17 @@ Tube result_of(const FollowedTube& followed, const HeightMap& map) {
   tube.confidence = followed.state == TubeState::tracked ? std::min(1.0, followed.support) : 0.0;
   const Extent& extent = followed.extent;
   const Spline& spline = followed.model.spline;
-  const double chord_m = (point_at(spline, 0.5 * spline.spans() + 0.5) - point_at(spline, 0.5 * spline.spans() - 0.5)).norm();
-  const double spacing_m = std::max(std::clamp(0.5 * tube.radius_m, 0.002, 0.02), station_length_m(map, followed.model));
+  const double chord_m =
+      (point_at(spline, 0.5 * spline.spans() + 0.5) - point_at(spline, 0.5 * spline.spans() - 0.5)).norm();
+  const double spacing_m =
+      std::max(std::clamp(0.5 * tube.radius_m, 0.002, 0.02), station_length_m(map, followed.model));
   const int spans = std::max(2, static_cast<int>(std::ceil((extent.t_end - extent.t_begin) * chord_m / spacing_m)));
   for (int i = 0; i <= spans; ++i) {
     const double t = extent.t_begin + (extent.t_end - extent.t_begin) * i / spans;
     tube.centerline_m.push_back(point_at(spline, t));
-    const auto nearest = std::min_element(
-        followed.stations.begin(), followed.stations.end(),
-        [&](const Station& a, const Station& b) { return std::abs(a.t - t) < std::abs(b.t - t); });
+    const auto nearest =
+        std::min_element(followed.stations.begin(), followed.stations.end(),
+                         [&](const Station& a, const Station& b) { return std::abs(a.t - t) < std::abs(b.t - t); });
     tube.node_visible.push_back(followed.state == TubeState::tracked && nearest != followed.stations.end() &&
                                 nearest->seen());
     add_uncertainty(followed, t, tube);

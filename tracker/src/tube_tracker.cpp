@@ -136,8 +136,7 @@ const TubeFrame& TubeTracker::track(const DepthFrame& frame) {
   follow_known(frame);  // section 2.3, from where the last frame left each tube
   stage.lap(stages.fit_ms);
 
-  const std::span<const Surfel> surfels =
-      s.surfels.find(s.map, s.config.noise, surfel_options(s.config), s.explained);
+  const std::span<const Surfel> surfels = s.surfels.find(s.map, s.config.noise, surfel_options(s.config), s.explained);
   stage.lap(stages.normals_ms);
 
   const double cell_m = s.config.cell_m.value_or(matching_cell_m(surfels, s.map.intrinsics.fx_px));

@@ -29,15 +29,16 @@ struct FollowedTube {
 
   // While it rests, frames are pooled; while it moves, only the radius is.
   bool at_rest = true;
-  Information pooled;                ///< at rest: of all frames since it came to rest
-  int frames_pooled = 0;             ///< at rest: how many; moving: frames since `anchor`
+  Information pooled;                   ///< at rest: of all frames since it came to rest
+  int frames_pooled = 0;                ///< at rest: how many; moving: frames since `anchor`
   std::optional<double> held_radius_m;  ///< as FoundTube's
-  double radius_information = 0.0;   ///< 1/m²
-  TubeModel anchor;                  ///< moving: where it was when it was last asked whether it still moves
-  TubeVelocity velocity;             ///< moving
+  double radius_information = 0.0;      ///< 1/m²
+  TubeModel anchor;                     ///< moving: where it was when it was last asked whether it still moves
+  TubeVelocity velocity;                ///< moving
 };
 
-/// A tube just found, as the first frame of a followed one; if it was joined, lengthened along all that the image confirms.
+/// A tube just found, as the first frame of a followed one; if it was joined, lengthened along all that the image
+/// confirms.
 FollowedTube start_following(FoundTube found, const HeightMap& map, const TrackerConfig& config, double timestamp_s,
                              std::int64_t id);
 
