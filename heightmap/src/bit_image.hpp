@@ -14,7 +14,7 @@ struct BitImage {
 
   void resize(const Grid& to) {
     grid = to;
-    words.assign(static_cast<std::size_t>(to.words() * to.height), 0);
+    words.assign(static_cast<std::size_t>(to.words()) * static_cast<std::size_t>(to.height), 0);
   }
   std::uint64_t* row(int v) { return words.data() + static_cast<std::ptrdiff_t>(v) * grid.words(); }
   const std::uint64_t* row(int v) const { return words.data() + static_cast<std::ptrdiff_t>(v) * grid.words(); }

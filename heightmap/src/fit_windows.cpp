@@ -36,7 +36,7 @@ void WindowFits::resize(const Grid& grid) {
     size.fits.resize(grid);
     size.holes.resize(grid);
   }
-  const auto blocks = static_cast<std::size_t>(2 * grid.words() * grid.height);
+  const auto blocks = 2 * static_cast<std::size_t>(grid.words()) * static_cast<std::size_t>(grid.height);
   beside_holes.assign(blocks, 0);
   near_holes.assign(blocks, 0);
 }

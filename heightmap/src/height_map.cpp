@@ -16,8 +16,8 @@ void clear_cells(HeightMap& map, int v, int u_begin, int u_end) {
     map.depth_m[at] = 0.0F;
     map.inverse_depth_per_m[at] = 0.0F;
     map.count[at] = 0;
-    map.tile_changed_in[static_cast<std::size_t>(v / kTileHeight_px * map.tile_columns() + u / kTileWidth_px)] =
-        map.frame;
+    map.tile_changed_in[static_cast<std::size_t>(v / kTileHeight_px) * static_cast<std::size_t>(map.tile_columns()) +
+                        static_cast<std::size_t>(u / kTileWidth_px)] = map.frame;
   }
 }
 
@@ -32,7 +32,7 @@ HeightMap make_height_map(const Intrinsics& intrinsics) {
   map.variance_per_m2.resize(map.rays.size());
   map.count.resize(map.rays.size());
   map.strikes.resize(map.rays.size());
-  map.tile_changed_in.resize(static_cast<std::size_t>(map.tile_columns() * map.tile_rows()));
+  map.tile_changed_in.resize(static_cast<std::size_t>(map.tile_columns()) * static_cast<std::size_t>(map.tile_rows()));
   return map;
 }
 

@@ -277,8 +277,9 @@ void look(FollowedTube& tube, const HeightMap& map, const TrackerConfig& config)
 
 /// Goes on along what the image confirms until there is no more.
 void lengthen(FollowedTube& tube, const HeightMap& map, const TrackerConfig& config) {
-  constexpr int kMaxRounds = 20;
-  for (int round = 0; round < kMaxRounds; ++round) {
+  constexpr int kMaxRounds = 40;
+  int stalled = 0;
+  for (int round = 0; round < kMaxRounds && stalled < 3; ++round) {
     FollowedTube longer = tube;
     fit_spline_to_extent(longer);
     if (!fit_to_frame(longer, map, config, longer.model, no_information(longer.model))) return;
@@ -286,7 +287,7 @@ void lengthen(FollowedTube& tube, const HeightMap& map, const TrackerConfig& con
     if (longer.state != TubeState::tracked) return;
     const double gain = (longer.extent.t_end - longer.extent.t_begin) - (tube.extent.t_end - tube.extent.t_begin);
     tube = std::move(longer);
-    if (gain < 0.3) return;
+    stalled = gain < 0.3 ? stalled + 1 : 0;
   }
 }
 
@@ -303,7 +304,13 @@ FollowedTube start_following(FoundTube found, const HeightMap& map, const Tracke
   tube.support = found.evidence.support;
   tube.pixels = std::move(found.pixels);
   tube.stations = stations_of(map, tube.model, tube.pixels, station_length_m(map, tube.model));
-  if (found.joined) lengthen(tube, map, config);
+  // A little more at an end may be the foot of a can or the table that it stands on; much more is tube.
+  FollowedTube longer = tube;
+  lengthen(longer, map, config);
+  const auto length_m = [](const FollowedTube& of) {
+    return (of.extent.t_end - of.extent.t_begin) * kKnotSpacingRadii * of.model.radius_m;
+  };
+  if (found.joined || length_m(longer) - length_m(tube) > 2.0 * tube.model.radius_m) tube = std::move(longer);
   tube.last_seen_s = timestamp_s;
   tube.frames_seen = 1;
   tube.radius_information = inverse(tube.quality.radius_sigma_m * tube.quality.radius_sigma_m);

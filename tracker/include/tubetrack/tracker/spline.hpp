@@ -15,7 +15,7 @@ struct Spline {
 
 /// Control points this far apart follow the step in curvature where a straight meets a bend of radius 5 R to a few
 /// thousandths of R.
-inline constexpr double kKnotSpacingRadii = 1.0;
+inline constexpr double kKnotSpacingRadii = 1.25;
 
 /// Four control points shape the curve at t: `first` and the three after it, with these weights.
 struct SplineBasis {
