@@ -55,7 +55,8 @@ struct FullWindow {
   explicit FullWindow(int half) {
     const int side = 2 * half + 1;
     const float cells = static_cast<float>(side * side);
-    const float moment = static_cast<float>(side * side * half * (half + 1) / 3);  // Σ du²
+    const int squares = side * side * half * (half + 1) / 3;  // Σ du², a whole number
+    const auto moment = static_cast<float>(squares);
     per_cell = kHeightUnit_per_m / cells;
     per_moment = kHeightUnit_per_m / moment;
     variance_per_moment = kVarianceUnit_per_m2 / cells / moment;
