@@ -30,7 +30,7 @@ Region hull(const Region& a, const Region& b) {
 void TileLedger::start(const HeightMap& map) {
   rows_ = map.tile_rows();
   columns_ = map.tile_columns();
-  const auto tiles = static_cast<std::size_t>(rows_ * columns_);
+  const auto tiles = static_cast<std::size_t>(rows_) * static_cast<std::size_t>(columns_);
   taken_in_.assign(tiles, 0);
   holes_.assign(tiles, 0);
   taken_.assign(tiles, 0);
@@ -54,7 +54,7 @@ void TileLedger::mark_affected(int row, int column) {
   std::uint8_t holes = 0;
   for (int r = std::max(0, row - 1); r <= std::min(rows_ - 1, row + 1); ++r) {
     for (int c = std::max(0, column - 1); c <= std::min(columns_ - 1, column + 1); ++c) {
-      holes |= holes_[static_cast<std::size_t>(r * columns_ + c)];
+      holes |= holes_[static_cast<std::size_t>(r) * static_cast<std::size_t>(columns_) + static_cast<std::size_t>(c)];
     }
   }
   const int reach = holes != 0 ? kReachAcrossGaps_px : kReach_px;
@@ -98,7 +98,8 @@ std::span<const Region> TileLedger::take_due(const HeightMap& map, Heights& heig
   std::fill(affected_.begin(), affected_.end(), std::uint8_t{0});
   for (int row = 0; row < rows_; ++row) {
     for (int column = 0; column < columns_; ++column) {
-      const auto tile = static_cast<std::size_t>(row * columns_ + column);
+      const auto tile =
+          static_cast<std::size_t>(row) * static_cast<std::size_t>(columns_) + static_cast<std::size_t>(column);
       holes_[tile] = static_cast<std::uint8_t>((holes_[tile] & 1) * 3);
       if (!due(map, row, tile)) continue;
       const Region cells{column * kTileWidth_px, std::min((column + 1) * kTileWidth_px, map.intrinsics.width),
@@ -112,7 +113,8 @@ std::span<const Region> TileLedger::take_due(const HeightMap& map, Heights& heig
   started_ = true;
   for (int row = 0; row < rows_; ++row) {
     for (int column = 0; column < columns_; ++column) {
-      if (taken_[static_cast<std::size_t>(row * columns_ + column)]) mark_affected(row, column);
+      if (taken_[static_cast<std::size_t>(row) * static_cast<std::size_t>(columns_) + static_cast<std::size_t>(column)])
+        mark_affected(row, column);
     }
   }
   gather_regions(map);
