@@ -135,7 +135,7 @@ void PlanesOfRow(const std::uint32_t* top, const std::uint32_t* bottom, std::siz
       hn::StoreU(hn::Set(d, kNoPlane), d, out.slope_u + i);
       continue;
     }
-    const std::size_t at = static_cast<std::size_t>(sums_offset + i);
+    const std::size_t at = static_cast<std::size_t>(sums_offset) + static_cast<std::size_t>(i);
     const Corners window{top, bottom, stride, at - static_cast<std::size_t>(half),
                          at + static_cast<std::size_t>(half) + 1};
     const VU u = hn::Add(lane, hn::Set(du, static_cast<std::uint32_t>(u_begin + i)));
