@@ -118,6 +118,12 @@ HWY_INLINE Planes WindowsWithHoles(const Corners& window, int half, VU u, VU v) 
   return {slope_u, slope_v, hn::Div(variance, least), height, hn::And(known, hn::Gt(height, hn::Zero(d)))};
 }
 
+HWY_INLINE Planes Choose(hn::Mask<D> mask, const Planes& yes, const Planes& no) {
+  return {hn::IfThenElse(mask, yes.slope_u, no.slope_u), hn::IfThenElse(mask, yes.slope_v, no.slope_v),
+          hn::IfThenElse(mask, yes.slope_variance, no.slope_variance), hn::IfThenElse(mask, yes.height, no.height),
+          hn::Or(hn::And(mask, yes.known), hn::AndNot(mask, no.known))};
+}
+
 void PlanesOfRow(const std::uint32_t* top, const std::uint32_t* bottom, std::size_t stride, int sums_offset, int half,
                  int u_begin, int v, int columns, const std::uint64_t* fits, const std::uint64_t* holes,
                  const PlaneRow& out) {
@@ -139,8 +145,10 @@ void PlanesOfRow(const std::uint32_t* top, const std::uint32_t* bottom, std::siz
     const Corners window{top, bottom, stride, at - static_cast<std::size_t>(half),
                          at + static_cast<std::size_t>(half) + 1};
     const VU u = hn::Add(lane, hn::Set(du, static_cast<std::uint32_t>(u_begin + i)));
-    const bool full = (holes[padded / 64] >> (padded % 64) & fit) == 0;
-    const Planes planes = full ? FullWindows(window, full_window, u, row) : WindowsWithHoles(window, half, u, row);
+    // Each cell by its own window: were it by the vector's, the rounding would depend on the vector's length and place.
+    Planes planes = FullWindows(window, full_window, u, row);
+    const std::uint64_t with_holes = holes[padded / 64] >> (padded % 64) & fit;
+    if (with_holes != 0) planes = Choose(MaskOf(with_holes), WindowsWithHoles(window, half, u, row), planes);
     const auto known = hn::And(planes.known, MaskOf(fit));
     hn::StoreU(hn::IfThenElse(known, planes.slope_u, hn::Set(d, kNoPlane)), d, out.slope_u + i);
     hn::StoreU(planes.slope_v, d, out.slope_v + i);

@@ -70,9 +70,9 @@ TubeBound cramer_rao_bound(std::span<const SurfacePixel> pixels, double piece_m,
   TubeBound bound;
   bound.radius_sigma_m = std::numeric_limits<double>::infinity();
   if (pixels.empty()) return bound;
-  const auto [first, last] = std::ranges::minmax(pixels, {}, &SurfacePixel::from_start_m);
-  const double from_m = first.from_start_m;
-  std::vector<Piece> pieces(piece_of(last, from_m, piece_m) + 1);
+  const auto [first, last] = std::ranges::minmax_element(pixels, {}, &SurfacePixel::from_start_m);
+  const double from_m = first->from_start_m;
+  std::vector<Piece> pieces(piece_of(*last, from_m, piece_m) + 1);
   for (const SurfacePixel& pixel : pixels) pieces[piece_of(pixel, from_m, piece_m)].along += pixel.along;
   for (const SurfacePixel& pixel : pixels) add_pixel(pixel, noise, focal_px, pieces[piece_of(pixel, from_m, piece_m)]);
   double of_radius = 0.0;

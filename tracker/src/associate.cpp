@@ -90,9 +90,7 @@ bool join_to_known(KnownTubes& known, const FoundTube& piece, const HeightMap& m
     if (tube.state != TubeState::tracked) continue;
     auto joined = join_pieces(map, config, as_found(tube, map, config), piece);
     if (!joined) continue;
-    const int frames_seen = tube.frames_seen;
     tube = start_following(std::move(*joined), map, config, timestamp_s, tube.id);
-    tube.frames_seen = frames_seen;
     return true;
   }
   return false;
@@ -110,16 +108,17 @@ void come_back(FollowedTube& tube, FoundTube found, const HeightMap& map, const 
   const Eigen::Vector3d way = middle(found.model, found.extent) - middle(tube.model, tube.extent);
   const Eigen::Vector3d across = way - way.dot(along) * along;
   const bool brief = away_s > 0.0 && away_s < 0.15;
-  const int frames_seen = tube.frames_seen;
   const double radius_information = tube.radius_information;
   const double radius_m = tube.model.radius_m;
   tube = start_following(std::move(found), map, config, timestamp_s, tube.id);
-  tube.frames_seen = frames_seen + 1;
-  // The radius known from before counts on.
+  // The radius known from before counts on, at rest and in motion.
   const double sum = tube.radius_information + radius_information;
   if (radius_information > 0.0 && tube.radius_information > 0.0) {
     tube.model.radius_m = (tube.radius_information * tube.model.radius_m + radius_information * radius_m) / sum;
     tube.radius_information = sum;
+    const Eigen::Index last = tube.pooled.vector.size() - 1;
+    tube.pooled.matrix(last, last) += radius_information;
+    tube.pooled.vector[last] += radius_information * radius_m;
   }
   if (brief && across.norm() > 0.5 * tube.model.radius_m) {
     tube.at_rest = false;

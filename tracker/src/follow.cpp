@@ -67,7 +67,7 @@ void add_to_pool(FollowedTube& tube) {
   tube.pooled.vector += tube.quality.observed.vector / doubt;
 }
 
-/// The motion from `before` to where the observations are.
+/// The motion from where a model is to where the observations are; `enough` false: too few to tell.
 struct Placed {
   MotionEstimate estimate;
   bool enough = false;
@@ -172,6 +172,7 @@ Extent confirmed_extent(const std::vector<Station>& stations, const Extent& befo
   };
   int first = index_of(before.t_begin + half);
   int last = index_of(before.t_end - half);
+  if (first > last) return {};
   // A few pixels agree by chance anywhere: a stretch counts when about as many are to be seen as in the middle.
   std::vector<int> expected;
   for (int i = first; i <= last; ++i) expected.push_back(at(i).expected);
@@ -312,7 +313,6 @@ FollowedTube start_following(FoundTube found, const HeightMap& map, const Tracke
   };
   if (found.joined || length_m(longer) - length_m(tube) > 2.0 * tube.model.radius_m) tube = std::move(longer);
   tube.last_seen_s = timestamp_s;
-  tube.frames_seen = 1;
   tube.radius_information = inverse(tube.quality.radius_sigma_m * tube.quality.radius_sigma_m);
   start_pool(tube);
   tube.pooled = no_information(tube.model);  // the radius is in what was observed
@@ -330,12 +330,10 @@ void follow_tube(FollowedTube& tube, const HeightMap& map, const TrackerConfig& 
   const FollowedTube before = tube;
   TubeModel model = expected;
   const bool placed = judge_motion(tube, map, config, model, elapsed_s);
-  if (placed && fit_to_frame(tube, map, config, std::move(model), tube.at_rest ? tube.pooled : radius_only(tube))) {
-    look(tube, map, config);
-  } else {
-    look(tube, map, config);
-    if (tube.state == TubeState::tracked) tube.state = TubeState::lost;
-  }
+  const bool fitted =
+      placed && fit_to_frame(tube, map, config, std::move(model), tube.at_rest ? tube.pooled : radius_only(tube));
+  look(tube, map, config);
+  if (!fitted && tube.state == TubeState::tracked) tube.state = TubeState::lost;
   if (tube.state != TubeState::tracked) {
     const TubeState state = tube.state;
     auto pixels = std::move(tube.pixels);
@@ -348,7 +346,6 @@ void follow_tube(FollowedTube& tube, const HeightMap& map, const TrackerConfig& 
     return;
   }
   tube.last_seen_s = timestamp_s;
-  ++tube.frames_seen;
   if (tube.at_rest) {
     add_to_pool(tube);
   } else {

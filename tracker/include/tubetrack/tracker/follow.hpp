@@ -25,7 +25,6 @@ struct FollowedTube {
   std::vector<Station> stations;       ///< over the whole spline, of the last frame that was fitted
   std::vector<PredictedPixel> pixels;  ///< the same
   double last_seen_s = 0.0;
-  int frames_seen = 0;
 
   // While it rests, frames are pooled; while it moves, only the radius is.
   bool at_rest = true;
