@@ -59,7 +59,8 @@ void AddRow(const std::int32_t* height, const std::int32_t* variance, int u_begi
   V carry_u = hn::Zero(d);
   V carry_uu = hn::Zero(d);
   for (int i = 0; i < columns; i += lanes) {
-    if (!near_holes[i / kSumBlock_px]) continue;
+    // Left of the image there are no flags, but a window at its border takes its sums from there.
+    if (!near_holes[i / kSumBlock_px] && u_begin + i >= 0) continue;
     const V u = hn::Add(lane, hn::Set(d, static_cast<std::uint32_t>(u_begin + i)));
     const V n = hn::Min(hn::LoadU(d, reinterpret_cast<const std::uint32_t*>(height + i)), one);
     const V nu = hn::Mul(n, u);
