@@ -136,7 +136,8 @@ void draw_tube(cv::Mat& picture, const Tube& tube, const Intrinsics& intrinsics,
   draw_line(picture, lines.left, tube.node_visible, color, 1);
   draw_line(picture, lines.right, tube.node_visible, color, 1);
   draw_line(picture, lines.middle, tube.node_visible, color, 2);
-  for (std::size_t i = lines.middle.size() / 2; i < lines.middle.size(); ++i) {
+  // Near an end: tubes cross in their middles.
+  for (std::size_t i = 5 * lines.middle.size() / 6; i-- > 0;) {
     const auto& point = lines.middle[i];
     if (!point) continue;
     const cv::Point at(static_cast<int>(point->x) + 8, static_cast<int>(point->y) - 4);
