@@ -47,7 +47,7 @@ Pixels scene(double aside_m, unsigned seed) {
       z += axial_sigma_m({}, z, 0.0) * gauss(random);
       const bool beside = discriminant < 0.0 && discriminant > -6e-4;
       const bool none = beside && unit(random) < 0.5;
-      pixels[static_cast<std::size_t>(v * kCamera.width + u)] =
+      pixels[static_cast<std::size_t>(v) * 640 + static_cast<std::size_t>(u)] =
           none ? 0 : static_cast<std::uint16_t>(std::lround(z / 1e-4));
     }
   }
@@ -56,9 +56,8 @@ Pixels scene(double aside_m, unsigned seed) {
 
 /// The same scene with other noise; or the tube going to and fro by 4 mm a frame.
 std::vector<Pixels> recording(bool moving) {
-  std::vector<Pixels> frames;
-  for (int i = 0; i < 16; ++i)
-    frames.push_back(scene(moving ? 0.004 * std::min(i, 16 - i) : 0.0, 1U + static_cast<unsigned>(i)));
+  std::vector<Pixels> frames(16);
+  for (unsigned i = 0; i < 16; ++i) frames[i] = scene(moving ? 0.004 * std::min(i, 16 - i) : 0.0, 1 + i);
   return frames;
 }
 
@@ -75,7 +74,7 @@ const std::vector<Pixels>& moving() {
 void Memcpy(benchmark::State& state) {
   Pixels to(kPixels);
   std::size_t i = 0;
-  for (auto _ : state) {
+  for ([[maybe_unused]] auto _ : state) {
     std::memcpy(to.data(), still()[i++ % still().size()].data(), 2 * kPixels);
     benchmark::ClobberMemory();
   }
@@ -88,7 +87,7 @@ void Floor(benchmark::State& state) {
   std::vector<float> out(kPixels);
   std::vector<float> columns(640);
   std::size_t frame = 0;
-  for (auto _ : state) {
+  for ([[maybe_unused]] auto _ : state) {
     const Pixels& pixels = still()[frame++ % still().size()];
     std::fill(columns.begin(), columns.end(), 0.0F);
     for (std::size_t v = 0; v < 480; ++v) {
@@ -116,7 +115,7 @@ void Floor(benchmark::State& state) {
 void Update(benchmark::State& state, const std::vector<Pixels>& frames, bool fuse) {
   HeightMap map = make_height_map(kCamera);
   std::size_t i = 0;
-  for (auto _ : state) update(map, frame_of(frames[i++ % frames.size()]), {}, {}, fuse);
+  for ([[maybe_unused]] auto _ : state) update(map, frame_of(frames[i++ % frames.size()]), {}, {}, fuse);
 }
 
 /// Frame to surfels; what is timed is the whole of it.
@@ -130,12 +129,12 @@ void Frame(benchmark::State& state, const std::vector<Pixels>& frames, bool fuse
     surfels = finder.find(map, {}, {}).size();
   };
   for (int warm_up = 0; warm_up < 64; ++warm_up) one();
-  for (auto _ : state) one();
+  for ([[maybe_unused]] auto _ : state) one();
   state.counters["surfels"] = static_cast<double>(surfels);
 }
 
 void FirstFrame(benchmark::State& state) {
-  for (auto _ : state) {
+  for ([[maybe_unused]] auto _ : state) {
     state.PauseTiming();
     HeightMap map = make_height_map(kCamera);
     SurfelFinder finder;

@@ -71,7 +71,9 @@ RenderedFrame render(const SuiteScene& suite, int frame, const DepthNoise& noise
   } else {
     rendered = render_frame(suite.scene, frame, noise);
   }
-  if (suite.pose_errors) rendered.world_from_camera = *rendered.world_from_camera * pose_error(suite.scene.seed, frame);
+  if (suite.pose_errors && rendered.world_from_camera) {
+    rendered.world_from_camera = *rendered.world_from_camera * pose_error(suite.scene.seed, frame);
+  }
   return rendered;
 }
 

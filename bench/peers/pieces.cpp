@@ -58,8 +58,8 @@ Plane refined(const Plane& plane, const std::vector<Vector3d>& sample) {
 /// RANSAC over 300 triples of a sample of 4000 points; the share of points on it.
 double largest_plane(const std::vector<Vector3d>& points, std::mt19937& random, Plane& best) {
   if (points.size() < 1000) return 0.0;
-  std::vector<Vector3d> sample;
-  for (int i = 0; i < 4000; ++i) sample.push_back(points[random() % points.size()]);
+  std::vector<Vector3d> sample(4000);
+  std::ranges::generate(sample, [&] { return points[random() % points.size()]; });
   const auto count_on = [&](const Plane& plane) {
     return std::ranges::count_if(sample, [&](const Vector3d& point) { return on(plane, point); });
   };
@@ -94,8 +94,9 @@ std::vector<Vector3d> points_off_planes(const DepthFrame& frame, const Intrinsic
 }
 
 std::vector<Tube> straight_pieces(const Cylinder& cylinder, const std::vector<Vector3d>& points, double focal_px) {
-  std::vector<double> along_m;
-  for (const Vector3d& point : points) along_m.push_back(cylinder.direction.dot(point - cylinder.point_m));
+  std::vector<double> along_m(points.size());
+  std::ranges::transform(points, along_m.begin(),
+                         [&](const Vector3d& point) { return cylinder.direction.dot(point - cylinder.point_m); });
   std::ranges::sort(along_m);
   std::vector<Tube> pieces;
   for (std::size_t from = 0; from < along_m.size();) {

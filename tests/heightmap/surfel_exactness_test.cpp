@@ -3,31 +3,13 @@
 #include <gtest/gtest.h>
 #include <hwy/highway.h>
 
-#include <atomic>
-#include <cstdlib>
 #include <cstring>
-#include <new>
 
+#include "allocations.hpp"
 #include "heightmap/slow_surfels.hpp"
 #include "heightmap/surfel_stream.hpp"
 #include "surfel_region.hpp"
 #include "tiles.hpp"
-
-// Every allocation of this program is counted.
-namespace {
-std::atomic<std::size_t> allocations{0};
-}
-void* operator new(std::size_t size) {
-  ++allocations;
-  if (void* memory = std::malloc(size)) return memory;
-  throw std::bad_alloc();
-}
-void operator delete(void* memory) noexcept {
-  std::free(memory);
-}
-void operator delete(void* memory, std::size_t) noexcept {
-  std::free(memory);
-}
 
 namespace tubetrack {
 namespace {
@@ -134,12 +116,12 @@ TEST(SurfelFinder, AllocatesNothingAfterTheFirstFrame) {
   const NoiseModel noise;
   update(map, patches.next(), noise, {}, true);
   ASSERT_GT(finder.find(map, noise, {}).size(), 1000U);
-  const std::size_t before = allocations;
+  const std::size_t before = allocations_so_far();
   for (int frame = 0; frame < 40; ++frame) {
     update(map, patches.next(), noise, {}, frame % 4 != 0);
     finder.find(map, noise, {});
   }
-  EXPECT_EQ(allocations, before);
+  EXPECT_EQ(allocations_so_far(), before);
 }
 
 TEST(SurfelFinder, LeavesOutTheCellsToSkip) {

@@ -14,6 +14,9 @@ namespace {
 
 constexpr double kForgetLost_s = 1.0;
 constexpr double kForgetHidden_s = 3.0;
+constexpr int kFramesOnTrial = 10;
+constexpr int kFramesBetweenTrials = 8;
+constexpr int kBestStanding = 20;  // ten frames beside a hand do not undo it
 constexpr double kFastest_m_s = 0.75;
 
 std::vector<Eigen::Vector3d> samples_of(const TubeModel& model, const Extent& extent) {
@@ -83,6 +86,16 @@ void join_all(std::vector<FoundTube>& found, const HeightMap& map, const Tracker
   }
 }
 
+/// What was found takes the place of a known tube, with its id and standing.
+void go_on_from(FollowedTube& tube, FoundTube found, const HeightMap& map, const TrackerConfig& config,
+                double timestamp_s) {
+  const int frames_followed = tube.frames_followed;
+  const int standing = tube.standing;
+  tube = start_following(std::move(found), map, config, timestamp_s, tube.id);
+  tube.frames_followed = frames_followed;
+  tube.standing = standing;
+}
+
 /// Joins a piece to a known tube in sight.
 bool join_to_known(KnownTubes& known, const FoundTube& piece, const HeightMap& map, const TrackerConfig& config,
                    double timestamp_s) {
@@ -90,7 +103,7 @@ bool join_to_known(KnownTubes& known, const FoundTube& piece, const HeightMap& m
     if (tube.state != TubeState::tracked) continue;
     auto joined = join_pieces(map, config, as_found(tube, map, config), piece);
     if (!joined) continue;
-    tube = start_following(std::move(*joined), map, config, timestamp_s, tube.id);
+    go_on_from(tube, std::move(*joined), map, config, timestamp_s);
     return true;
   }
   return false;
@@ -110,7 +123,7 @@ void come_back(FollowedTube& tube, FoundTube found, const HeightMap& map, const 
   const bool brief = away_s > 0.0 && away_s < 0.15;
   const double radius_information = tube.radius_information;
   const double radius_m = tube.model.radius_m;
-  tube = start_following(std::move(found), map, config, timestamp_s, tube.id);
+  go_on_from(tube, std::move(found), map, config, timestamp_s);
   // The radius known from before counts on, at rest and in motion.
   const double sum = tube.radius_information + radius_information;
   if (radius_information > 0.0 && tube.radius_information > 0.0) {
@@ -145,6 +158,16 @@ void take_in(KnownTubes& known, std::vector<FoundTube> found, const HeightMap& m
       known.tubes.push_back(start_following(std::move(tube), map, config, timestamp_s, known.next_id++));
     }
   }
+}
+
+void forget_denied(KnownTubes& known, const HeightMap& map, const TrackerConfig& config) {
+  std::erase_if(known.tubes, [&](FollowedTube& tube) {
+    const bool now = tube.frames_followed <= kFramesOnTrial || tube.frames_followed % kFramesBetweenTrials == 0;
+    if (tube.state != TubeState::tracked || !now) return false;
+    const bool denied = why_no_tube(as_found(tube, map, config), config).has_value();
+    tube.standing = std::min(kBestStanding, tube.standing + (denied ? -2 : 1));
+    return tube.standing < 0;
+  });
 }
 
 void forget_old(KnownTubes& known, double timestamp_s) {

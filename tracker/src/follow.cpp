@@ -346,6 +346,7 @@ void follow_tube(FollowedTube& tube, const HeightMap& map, const TrackerConfig& 
     return;
   }
   tube.last_seen_s = timestamp_s;
+  ++tube.frames_followed;
   if (tube.at_rest) {
     add_to_pool(tube);
   } else {

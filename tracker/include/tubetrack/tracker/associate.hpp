@@ -18,6 +18,10 @@ struct KnownTubes {
 void take_in(KnownTubes& known, std::vector<FoundTube> found, const HeightMap& map, const TrackerConfig& config,
              double timestamp_s);
 
+/// Asks again whether the tubes in sight are tubes, in their first frames and now and then later, and forgets those that
+/// more frames deny than confirm: what once looked like a tube in the noise of one frame.
+void forget_denied(KnownTubes& known, const HeightMap& map, const TrackerConfig& config);
+
 /// Forgets what has not been seen for too long: 1 s where it should be in view, 3 s where something hides it.
 void forget_old(KnownTubes& known, double timestamp_s);
 

@@ -25,6 +25,8 @@ struct FollowedTube {
   std::vector<Station> stations;       ///< over the whole spline, of the last frame that was fitted
   std::vector<PredictedPixel> pixels;  ///< the same
   double last_seen_s = 0.0;
+  int frames_followed = 0;  ///< in sight
+  int standing = 1;         ///< how surely it is a tube: up with every frame that says so, down with one that denies it
 
   // While it rests, frames are pooled; while it moves, only the radius is.
   bool at_rest = true;
