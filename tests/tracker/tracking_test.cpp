@@ -84,14 +84,33 @@ TEST(Tracking, BehindAHandTheTubeStaysOneAndItsHiddenPartIsMarked) {
   int hidden_nodes = 0;
   for (const TubeFrame& result : run.results) {
     for (const Tube& tube : result.tubes) {
-      if (tube.length_m < 0.4 || tube.state != TubeState::tracked) continue;
       ids.insert(tube.id);
+      if (tube.state != TubeState::tracked) continue;
       // Ends apart, only what the hand covers is not visible.
       hidden_nodes += static_cast<int>(std::count(tube.node_visible.begin() + 2, tube.node_visible.end() - 2, false));
     }
   }
-  EXPECT_EQ(ids.size(), 1U);
+  EXPECT_EQ(ids.size(), 1U);  // no finger, no forearm
   EXPECT_GT(hidden_nodes, 10);
+}
+
+TEST(Tracking, ATubeThatComesIntoSightLaterIsReportedOnceTwoMoreFramesConfirmIt) {
+  const Scene scene = *load_scene("straight");
+  Scene empty = scene;
+  empty.tubes.clear();
+  auto tracker = TubeTracker::create({}, scene.camera);
+  ASSERT_TRUE(tracker);
+  std::vector<std::size_t> reported;
+  for (int i = 0; i < 6; ++i) {
+    const RenderedFrame rendered = render_frame(i < 2 ? empty : scene, i, {});
+    reported.push_back(tracker->track(depth_frame(rendered)).tubes.size());
+  }
+  EXPECT_EQ(reported, (std::vector<std::size_t>{0, 0, 0, 0, 1, 1}));
+}
+
+TEST(Tracking, InClutterWithoutTubesNoneIsReportedInAnyFrame) {
+  const Followed run = follow(*load_scene("clutter"), 10);
+  for (const TubeFrame& result : run.results) EXPECT_TRUE(result.tubes.empty()) << result.frame;
 }
 
 TEST(Tracking, ATubeThatIsGoneIsLostAndForgottenAfterASecond) {

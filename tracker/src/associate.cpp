@@ -91,9 +91,11 @@ void go_on_from(FollowedTube& tube, FoundTube found, const HeightMap& map, const
                 double timestamp_s) {
   const int frames_followed = tube.frames_followed;
   const int standing = tube.standing;
+  const bool confirmed = tube.confirmed;
   tube = start_following(std::move(found), map, config, timestamp_s, tube.id);
   tube.frames_followed = frames_followed;
   tube.standing = standing;
+  tube.confirmed = confirmed;
 }
 
 /// Joins a piece to a known tube in sight.
@@ -156,16 +158,19 @@ void take_in(KnownTubes& known, std::vector<FoundTube> found, const HeightMap& m
       come_back(known.tubes[*back], std::move(tube), map, config, timestamp_s);
     } else if (!join_to_known(known, tube, map, config, timestamp_s)) {
       known.tubes.push_back(start_following(std::move(tube), map, config, timestamp_s, known.next_id++));
+      known.tubes.back().confirmed = known.first_frame;
     }
   }
+  known.first_frame = false;
 }
 
-void forget_denied(KnownTubes& known, const HeightMap& map, const TrackerConfig& config) {
+void confirm_or_forget(KnownTubes& known, const HeightMap& map, const TrackerConfig& config) {
   std::erase_if(known.tubes, [&](FollowedTube& tube) {
     const bool now = tube.frames_followed <= kFramesOnTrial || tube.frames_followed % kFramesBetweenTrials == 0;
     if (tube.state != TubeState::tracked || !now) return false;
     const bool denied = why_no_tube(as_found(tube, map, config), config).has_value();
     tube.standing = std::min(kBestStanding, tube.standing + (denied ? -2 : 1));
+    tube.confirmed = tube.confirmed || tube.standing >= 2;
     return tube.standing < 0;
   });
 }

@@ -108,7 +108,7 @@ void TubeTracker::follow_known(const DepthFrame& frame) {
   s.world_from_camera = frame.world_from_camera;
   for (FollowedTube& tube : s.known.tubes) follow_tube(tube, s.map, s.config, frame.timestamp_s, elapsed_s);
   drop_doubles(s.known);
-  forget_denied(s.known, s.map, s.config);
+  confirm_or_forget(s.known, s.map, s.config);
   forget_old(s.known, frame.timestamp_s);
   std::fill(s.explained.begin(), s.explained.end(), std::uint8_t{0});
   for (const FollowedTube& tube : s.known.tubes) explain(s.map, tube, s.explained);
@@ -117,6 +117,7 @@ void TubeTracker::follow_known(const DepthFrame& frame) {
 void TubeTracker::report_known() {
   State& s = *state_;
   for (const FollowedTube& tube : s.known.tubes) {
+    if (!tube.confirmed) continue;
     s.result.tubes.push_back(result_of(tube, s.map));
     if (s.world_from_camera) move_to_world(s.result.tubes.back(), *s.world_from_camera);
   }

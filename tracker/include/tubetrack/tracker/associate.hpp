@@ -6,10 +6,12 @@
 
 namespace tubetrack {
 
-/// The tubes that are followed, and the next one's id.
+/// The tubes that are followed, and the next one's id. Those of the first frame are confirmed at once, for a single scan
+/// is all that some have; later ones when two more frames have said so (forget_denied).
 struct KnownTubes {
   std::vector<FollowedTube> tubes;
   std::int64_t next_id = 1;
+  bool first_frame = true;
 };
 
 /// Takes in what was found where no known tube explains the image: a known tube that was out of sight and is back (the
@@ -18,9 +20,9 @@ struct KnownTubes {
 void take_in(KnownTubes& known, std::vector<FoundTube> found, const HeightMap& map, const TrackerConfig& config,
              double timestamp_s);
 
-/// Asks again whether the tubes in sight are tubes, in their first frames and now and then later, and forgets those that
-/// more frames deny than confirm: what once looked like a tube in the noise of one frame.
-void forget_denied(KnownTubes& known, const HeightMap& map, const TrackerConfig& config);
+/// Asks again whether the tubes in sight are tubes, in their first frames and now and then later: forgets those that are
+/// denied, which only looked like a tube in the noise of one frame, and confirms those that two frames bear out.
+void confirm_or_forget(KnownTubes& known, const HeightMap& map, const TrackerConfig& config);
 
 /// Forgets what has not been seen for too long: 1 s where it should be in view, 3 s where something hides it.
 void forget_old(KnownTubes& known, double timestamp_s);

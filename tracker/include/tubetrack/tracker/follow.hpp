@@ -26,7 +26,8 @@ struct FollowedTube {
   std::vector<PredictedPixel> pixels;  ///< the same
   double last_seen_s = 0.0;
   int frames_followed = 0;  ///< in sight
-  int standing = 1;         ///< how surely it is a tube: up with every frame that says so, down with one that denies it
+  int standing = 0;         ///< how surely it is a tube: up with every frame that says so, down with one that denies it
+  bool confirmed = false;   ///< only then is it reported
 
   // While it rests, frames are pooled; while it moves, only the radius is.
   bool at_rest = true;
