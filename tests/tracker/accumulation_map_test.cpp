@@ -45,10 +45,6 @@ struct Arbitrary<tubetrack::VoteRecord> {
 
 namespace tubetrack {
 
-bool operator==(const Voxel& a, const Voxel& b) {
-  return a.votes == b.votes && a.steps == b.steps && a.moments == b.moments;
-}
-
 namespace {
 
 using Eigen::Vector3d;

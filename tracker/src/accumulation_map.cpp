@@ -81,44 +81,79 @@ std::size_t AccumulationMap::Hash::operator()(const VoxelIndex& key) const {
   return static_cast<std::size_t>(mix(mix(mix(0x243F6A8885A308D3ULL, key.z), key.y), key.x));
 }
 
-void AccumulationMap::clear() {
-  block_of_.clear();
-  blocks_.clear();
+const AccumulationMap::Block* AccumulationMap::block_at(const VoxelIndex& key) const {
+  const auto found = block_of_.find(key);
+  return found == block_of_.end() ? nullptr : &blocks_[found->second];
+}
+
+AccumulationMap::Block& AccumulationMap::take_block(const VoxelIndex& key) {
+  const auto [entry, fresh] = block_of_.try_emplace(key, blocks_.size());
+  if (fresh && free_blocks_.empty()) {
+    blocks_.emplace_back();
+  } else if (fresh) {
+    entry->second = free_blocks_.back();
+    free_blocks_.pop_back();
+  }
+  return blocks_[entry->second];
+}
+
+void AccumulationMap::leave_block(const VoxelIndex& key, const Block& block) {
+  if (block.filled != 0) return;
+  const auto entry = block_of_.find(key);
+  free_blocks_.push_back(entry->second);
+  block_of_.erase(entry);
 }
 
 void AccumulationMap::cast(const VoteRecord& record, int sign) {
   const std::int32_t weight = sign * record.weight;
   // Rounded to the nearest: rounding down would tilt the axis of a tube seen from one side by up to 0.3°.
   const auto rounded = [](std::int32_t value) { return (value + (1 << kMomentShift) / 2) >> kMomentShift; };
-  const std::int32_t dx = rounded(record.direction[0]);
-  const std::int32_t dy = rounded(record.direction[1]);
-  const std::int32_t dz = rounded(record.direction[2]);
-  const std::array<std::int32_t, 6> products{dx * dx, dx * dy, dx * dz, dy * dy, dy * dz, dz * dz};
+  const std::int64_t dx = rounded(record.direction[0]);
+  const std::int64_t dy = rounded(record.direction[1]);
+  const std::int64_t dz = rounded(record.direction[2]);
+  Voxel vote{weight, 0,
+                   {weight * dx * dx, weight * dx * dy, weight * dx * dz, weight * dy * dy, weight * dy * dz,
+                    weight * dz * dz}};
   VoxelIndex last{};
+  VoxelIndex key{};
+  Block* block = nullptr;
   for (int step = record.first_step; step <= record.last_step; ++step) {
     const VoxelIndex index = voxel_at_step(record, step);
     if (step > record.first_step && index == last) continue;
     last = index;
-    const auto [entry, fresh] = block_of_.try_emplace(block_key(index), blocks_.size());
-    if (fresh) blocks_.emplace_back();
-    Voxel& voxel = blocks_[entry->second][static_cast<std::size_t>(local_index(index))];
-    voxel.votes += weight;
-    voxel.steps += weight * step;
-    for (std::size_t i = 0; i < products.size(); ++i) voxel.moments[i] += std::int64_t{weight} * products[i];
+    if (const VoxelIndex here = block_key(index); !block || here != key) {
+      if (block) leave_block(key, *block);
+      key = here;
+      block = &take_block(key);
+    }
+    Voxel& voxel = block->voxels[static_cast<std::size_t>(local_index(index))];
+    const bool was_filled = voxel != Voxel{};
+    vote.steps = weight * step;
+    voxel += vote;
+    block->filled += static_cast<int>(voxel != Voxel{}) - static_cast<int>(was_filled);
   }
+  if (block) leave_block(key, *block);
 }
 
 Voxel AccumulationMap::at(const VoxelIndex& index) const {
-  const auto found = block_of_.find(block_key(index));
-  if (found == block_of_.end()) return {};
-  return blocks_[found->second][static_cast<std::size_t>(local_index(index))];
+  const Block* block = block_at(block_key(index));
+  return block ? block->voxels[static_cast<std::size_t>(local_index(index))] : Voxel{};
 }
 
 Voxel AccumulationMap::box(const VoxelIndex& index, int half) const {
   Voxel sum;
+  VoxelIndex key = block_key(index);
+  const Block* block = block_at(key);
   for (int z = index.z - half; z <= index.z + half; ++z) {
     for (int y = index.y - half; y <= index.y + half; ++y) {
-      for (int x = index.x - half; x <= index.x + half; ++x) sum += at({z, y, x});
+      for (int x = index.x - half; x <= index.x + half; ++x) {
+        const VoxelIndex at{z, y, x};
+        if (const VoxelIndex here = block_key(at); here != key) {
+          key = here;
+          block = block_at(key);
+        }
+        if (block) sum += block->voxels[static_cast<std::size_t>(local_index(at))];
+      }
     }
   }
   return sum;
@@ -144,7 +179,7 @@ std::vector<VoxelIndex> AccumulationMap::peaks(int min_votes, int box_half) cons
   std::vector<Candidate> candidates;
   for (const auto& [key, block] : block_of_) {
     for (int i = 0; i < kSide * kSide * kSide; ++i) {
-      if (blocks_[block][static_cast<std::size_t>(i)].votes < own_votes) continue;
+      if (blocks_[block].voxels[static_cast<std::size_t>(i)].votes < own_votes) continue;
       const VoxelIndex index{key.z * kSide + i / 64, key.y * kSide + i / 8 % 8, key.x * kSide + i % 8};
       const int votes = box(index, box_half).votes;
       if (votes < min_votes) continue;

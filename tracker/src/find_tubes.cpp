@@ -43,7 +43,7 @@ double radius_of(std::vector<TracePoint> trace) {
 }
 
 /// Withdraws the votes of every surfel on the tube.
-void withdraw_explained(AccumulationMap& votes, std::span<const Surfel> surfels, std::span<const VoteRecord> records,
+void withdraw_explained(AccumulationMap& votes, std::span<const Surfel> surfels, std::span<const CastVote> cast,
                         const FoundTube& tube, std::vector<bool>& withdrawn) {
   const auto& pixels = tube.pixels;  // in cell order, as the surfels are
   auto pixel = pixels.begin();
@@ -54,7 +54,7 @@ void withdraw_explained(AccumulationMap& votes, std::span<const Surfel> surfels,
     if (std::abs(surfels[i].position_m.z() - pixel->depth_m) > 0.5 * tube.model.radius_m + 4.0F * surfels[i].sigma_m)
       continue;
     withdrawn[i] = true;
-    votes.withdraw(records[i]);
+    votes.withdraw(cast[i].record);
   }
 }
 
@@ -72,7 +72,7 @@ double matching_cell_m(std::span<const Surfel> surfels, double focal_px) {
 }
 
 std::vector<FoundTube> find_tubes(AccumulationMap& votes, std::span<const Surfel> surfels,
-                                  std::span<const VoteRecord> records, const HeightMap& map,
+                                  std::span<const CastVote> cast, const HeightMap& map,
                                   const TrackerConfig& config, StageTimes& times) {
   Stopwatch watch;
   std::vector<FoundTube> tubes;
@@ -106,9 +106,12 @@ std::vector<FoundTube> find_tubes(AccumulationMap& votes, std::span<const Surfel
       watch.lap(times.fit_ms);
       continue;
     }
-    withdraw_explained(votes, surfels, records, *found, withdrawn);
+    withdraw_explained(votes, surfels, cast, *found, withdrawn);
     tubes.push_back(std::move(*found));
     watch.lap(times.fit_ms);
+  }
+  for (std::size_t i = 0; i < cast.size(); ++i) {
+    if (withdrawn[i]) votes.add(cast[i].record);
   }
   return tubes;
 }

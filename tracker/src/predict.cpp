@@ -68,13 +68,15 @@ std::optional<Quad> outline_of(const Intrinsics& in, const Piece& piece, double 
   Eigen::Vector2d along = to - from;
   along = along.norm() > 1e-6 ? Eigen::Vector2d(along.normalized()) : Eigen::Vector2d::UnitX();
   const Eigen::Vector2d side(-along.y(), along.x());
-  // Mitre planes lean: by as much as the bend within a piece, which a tenth of the radius covers.
   const auto reach = [&](const Eigen::Vector3d& center, const Eigen::Vector2d& direction) {
     return 1.1 * reach_px(in, center, piece, radius_m, direction) + 1.5;
   };
-  const double lean = 0.35 * reach_px(in, piece.start_m, piece, radius_m, side);
-  const double back = reach(piece.start_m, along) + lean;
-  const double front = reach(piece.end_m, along) + lean;
+  // A mitre plane that leans by an angle goes up to R tan(angle) beyond the end.
+  const auto lean = [&](const Eigen::Vector3d& center, const Eigen::Vector3d& mitre) {
+    return 1.1 * (mitre - piece.axis).norm() * reach_px(in, center, piece, radius_m, side);
+  };
+  const double back = reach(piece.start_m, along) + lean(piece.start_m, piece.start_mitre);
+  const double front = reach(piece.end_m, along) + lean(piece.end_m, piece.end_mitre);
   const double from_half = reach(piece.start_m, side);
   const double to_half = reach(piece.end_m, side);
   return Quad{from - back * along - from_half * side, to + front * along - to_half * side,

@@ -11,6 +11,7 @@
 #include "tubetrack/tracker/associate.hpp"
 #include "tubetrack/tracker/find_tubes.hpp"
 #include "tubetrack/tracker/join.hpp"
+#include "tubetrack/tracker/recast.hpp"
 
 namespace tubetrack {
 
@@ -18,6 +19,8 @@ struct TubeTracker::State {
   TrackerConfig config;
   HeightMap map;
   SurfelFinder surfels;
+  AccumulationMap votes{0.0};
+  std::vector<CastVote> cast;  // what is in `votes`, in cell order
   KnownTubes known;
   std::optional<Eigen::Isometry3d> world_from_camera;  // of the last frame
   std::optional<double> timestamp_s;                   // of the last frame
@@ -142,16 +145,14 @@ const TubeFrame& TubeTracker::track(const DepthFrame& frame) {
   stage.lap(stages.normals_ms);
 
   const double cell_m = s.config.cell_m.value_or(matching_cell_m(surfels, s.map.intrinsics.fx_px));
-  AccumulationMap votes(cell_m);  // algorithm 1
-  std::vector<VoteRecord> records;
-  records.reserve(surfels.size());
-  for (const Surfel& surfel : surfels) {
-    records.push_back(vote_record(surfel, cell_m));
-    votes.add(records.back());
+  if (s.votes.cell_m() != cell_m) {
+    s.votes = AccumulationMap(cell_m);
+    s.cast.clear();
   }
+  recast(s.votes, s.cast, surfels);  // algorithm 1
   stage.lap(stages.accumulate_ms);
 
-  auto found = find_tubes(votes, surfels, records, s.map, s.config, stages);  // algorithm 2, section 2.3
+  auto found = find_tubes(s.votes, surfels, s.cast, s.map, s.config, stages);  // algorithm 2, section 2.3
   stage = {};
   take_in(s.known, std::move(found), s.map, s.config, frame.timestamp_s);
   stage.lap(stages.fit_ms);

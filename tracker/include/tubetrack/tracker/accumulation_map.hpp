@@ -3,7 +3,9 @@
 #include <Eigen/Core>
 #include <array>
 #include <compare>
+#include <cstddef>
 #include <cstdint>
+#include <deque>
 #include <unordered_map>
 #include <vector>
 
@@ -26,6 +28,7 @@ struct VoteRecord {
   std::int16_t first_step = 0;              ///< votes go to origin + k·direction, k from first_step …
   std::int16_t last_step = -1;              ///< … to last_step
   std::int32_t weight = 1;
+  bool operator==(const VoteRecord&) const = default;
 };
 
 /// Sums over the votes of one voxel. All integers, so that any order of votes gives the same map.
@@ -35,6 +38,7 @@ struct Voxel {
   std::array<std::int64_t, 6> moments{};  ///< Σ weight · d dᵀ of the directions: xx, xy, xz, yy, yz, zz, in 1/128²
 
   Voxel& operator+=(const Voxel& other);
+  bool operator==(const Voxel&) const = default;
 };
 
 /// The tube's direction from a voxel's second moments: the unit eigenvector of the smallest eigenvalue (dirImage of the
@@ -52,7 +56,8 @@ class AccumulationMap {
   explicit AccumulationMap(double cell_m);
 
   double cell_m() const { return cell_m_; }
-  void clear();
+  /// Blocks that hold a vote; a block without is used again for another place.
+  std::size_t block_count() const { return block_of_.size(); }
   /// One vote a voxel and record: steps that stay in a voxel count once.
   void add(const VoteRecord& record) { cast(record, 1); }
   void withdraw(const VoteRecord& record) { cast(record, -1); }
@@ -71,16 +76,23 @@ class AccumulationMap {
 
  private:
   static constexpr int kSide = 8;
-  using Block = std::array<Voxel, kSide * kSide * kSide>;
+  struct Block {
+    std::array<Voxel, kSide * kSide * kSide> voxels{};
+    int filled = 0;  ///< voxels that are not all 0
+  };
   struct Hash {
     std::size_t operator()(const VoxelIndex& key) const;
   };
 
   void cast(const VoteRecord& record, int sign);
+  const Block* block_at(const VoxelIndex& key) const;
+  Block& take_block(const VoxelIndex& key);
+  void leave_block(const VoxelIndex& key, const Block& block);
 
   double cell_m_;
   std::unordered_map<VoxelIndex, std::size_t, Hash> block_of_;
-  std::vector<Block> blocks_;
+  std::deque<Block> blocks_;  // where it grows, nothing is moved
+  std::vector<std::size_t> free_blocks_;
 };
 
 /// The record of a surfel's vote along its inward normal from radius_min_m to radius_max_m. A surfel too far away for
