@@ -12,7 +12,7 @@ namespace tubetrack {
 namespace {
 
 constexpr int kMinVotes = 12;
-constexpr int kMaxFailures = 60;
+constexpr int kFramesToRest = 8;
 
 /// The traced points around the peak as long as they run smoothly and at one radius.
 std::vector<Eigen::Vector3d> smooth_part(const std::vector<TracePoint>& trace, const VoxelIndex& peak,
@@ -73,20 +73,22 @@ double matching_cell_m(std::span<const Surfel> surfels, double focal_px) {
 
 std::vector<FoundTube> find_tubes(AccumulationMap& votes, std::span<const Surfel> surfels,
                                   std::span<const CastVote> cast, const HeightMap& map,
-                                  const TrackerConfig& config, StageTimes& times) {
+                                  const TrackerConfig& config, int max_failures,
+                                  std::vector<FailedPlace>& failed, StageTimes& times) {
   Stopwatch watch;
   std::vector<FoundTube> tubes;
   std::vector<bool> withdrawn(surfels.size(), false);
-  std::vector<TracePoint> failed;
+  std::erase_if(failed, [](FailedPlace& place) { return --place.frames_left <= 0; });
   int failures = 0;
   for (const VoxelIndex& peak : votes.peaks(kMinVotes, 1)) {
-    if (failures >= kMaxFailures) break;
+    if (failures >= max_failures) break;
     const Voxel sum = votes.box(peak, 1);
     if (sum.votes < kMinVotes || axis_of(sum).spread < 0.01) continue;
     const double radius_at_peak_m = votes.cell_m() * sum.steps / sum.votes;
     const Eigen::Vector3d center = votes.center_of(peak);
-    const bool tried = std::any_of(failed.begin(), failed.end(), [&](const TracePoint& point) {
-      return (point.position_m - center).norm() < std::max(2.0 * votes.cell_m(), 0.3 * point.radius_m);
+    const bool tried = std::any_of(failed.begin(), failed.end(), [&](const FailedPlace& place) {
+      return (place.position_m - center).norm() < std::max(2.0 * votes.cell_m(), 0.3 * place.radius_m) &&
+             2 * sum.votes < 3 * place.votes;
     });
     if (tried) continue;
     TraceOptions options;
@@ -102,7 +104,9 @@ std::vector<FoundTube> find_tubes(AccumulationMap& votes, std::span<const Surfel
                        });
     if (!found || known || why_no_tube(*found, config)) {
       ++failures;
-      failed.insert(failed.end(), trace.begin(), trace.end());
+      for (const TracePoint& point : trace) {
+        failed.push_back({point.position_m, point.radius_m, std::max(point.votes, sum.votes), kFramesToRest});
+      }
       watch.lap(times.fit_ms);
       continue;
     }

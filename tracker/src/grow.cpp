@@ -55,6 +55,12 @@ std::optional<double> silhouette_radius_m(const Evidence& e, double radius_m) {
   return reach * radius_m;
 }
 
+/// So that a seed has some two thousand pixels at most: enough to tell whether it is worth growing.
+int seed_stride(const HeightMap& map, const Seed& seed, double radius_m) {
+  const double side_px = 2.0 * radius_m * map.intrinsics.fx_px / std::max(seed.center_m.z(), 0.05);
+  return std::max(1, static_cast<int>(side_px / 45.0));
+}
+
 /// A short straight piece of tube at a peak: first where it lies, then how thick it is. Empty where the image does not
 /// show one, which is cheap to find out here.
 std::optional<FoundTube> fit_seed(const HeightMap& map, const TrackerConfig& config, const Seed& seed) {
@@ -68,14 +74,15 @@ std::optional<FoundTube> fit_seed(const HeightMap& map, const TrackerConfig& con
   options.suppleness = 0.02;
   options.radius_min_m = 0.5 * config.radius_min_m;
   options.radius_max_m = 1.5 * config.radius_max_m;
+  const int stride = seed_stride(map, seed, model.radius_m);
   for (const double gate_radii : {0.5, 0.3, 0.2, 0.15}) {
     options.radius_m = gate_radii > 0.4 ? model.radius_m : config.radius_m;
-    const auto pixels = predict_pixels(map, config.noise, model);
+    const auto pixels = predict_pixels(map, config.noise, model, stride);
     const auto observations = select_observations(map, config.noise, pixels, gate_radii * model.radius_m, 3.0);
     if (!fit_tube(model, observations, options)) return std::nullopt;
   }
   found.extent = {0.0, model.spline.spans()};
-  found.pixels = predict_pixels(map, config.noise, model);
+  found.pixels = predict_pixels(map, config.noise, model, stride);
   found.evidence = gather_evidence(map, config.noise, model, found.pixels, found.extent);
   const Evidence& e = found.evidence;
   const bool in_range = model.radius_m > 0.85 * config.radius_min_m && model.radius_m < 1.15 * config.radius_max_m;

@@ -83,17 +83,21 @@ std::optional<Quad> outline_of(const Intrinsics& in, const Piece& piece, double 
               to + front * along + to_half * side, from - back * along + from_half * side};
 }
 
-/// Calls visit(u, v) for the pixels inside the outline.
+/// Calls visit(u, v) for the pixels inside the outline whose coordinates are multiples of the stride.
 template <class Visit>
-void for_each_pixel(const Quad& quad, const Intrinsics& in, Visit&& visit) {
+void for_each_pixel(const Quad& quad, const Intrinsics& in, int stride, Visit&& visit) {
+  const auto next_multiple = [&](double low, int size) {
+    const int from = static_cast<int>(std::clamp(std::ceil(low), 0.0, 1.0 * size));
+    return (from + stride - 1) / stride * stride;
+  };
   double top = quad[0].y(), bottom = quad[0].y();
   for (const Eigen::Vector2d& corner : quad) {
     top = std::min(top, corner.y());
     bottom = std::max(bottom, corner.y());
   }
-  const int v_begin = static_cast<int>(std::clamp(std::ceil(top), 0.0, 1.0 * in.height));
+  const int v_begin = next_multiple(top, in.height);
   const int v_end = static_cast<int>(std::clamp(std::floor(bottom) + 1.0, 0.0, 1.0 * in.height));
-  for (int v = v_begin; v < v_end; ++v) {
+  for (int v = v_begin; v < v_end; v += stride) {
     double left = 1e9, right = -1e9;
     for (std::size_t i = 0; i < 4; ++i) {
       const Eigen::Vector2d& a = quad[i];
@@ -104,9 +108,9 @@ void for_each_pixel(const Quad& quad, const Intrinsics& in, Visit&& visit) {
       left = std::min({left, u, a.y() == b.y() ? b.x() : u});
       right = std::max({right, u, a.y() == b.y() ? b.x() : u});
     }
-    const int u_begin = static_cast<int>(std::clamp(std::ceil(left), 0.0, 1.0 * in.width));
+    const int u_begin = next_multiple(left, in.width);
     const int u_end = static_cast<int>(std::clamp(std::floor(right) + 1.0, 0.0, 1.0 * in.width));
-    for (int u = u_begin; u < u_end; ++u) visit(u, v);
+    for (int u = u_begin; u < u_end; u += stride) visit(u, v);
   }
 }
 
@@ -157,12 +161,13 @@ void sort_by_cell(std::vector<PredictedPixel>& pixels) {
 
 }  // namespace
 
-std::vector<PredictedPixel> predict_pixels(const HeightMap& map, const NoiseModel& noise, const TubeModel& model) {
+std::vector<PredictedPixel> predict_pixels(const HeightMap& map, const NoiseModel& noise, const TubeModel& model,
+                                           int stride) {
   std::vector<PredictedPixel> pixels;
   for (const Piece& piece : cut_into_pieces(model)) {
     const std::optional<Quad> outline = outline_of(map.intrinsics, piece, model.radius_m);
     if (!outline) continue;
-    for_each_pixel(*outline, map.intrinsics, [&](int u, int v) {
+    for_each_pixel(*outline, map.intrinsics, stride, [&](int u, int v) {
       PredictedPixel pixel;
       pixel.cell = static_cast<std::uint32_t>(map.cell(u, v));
       const Eigen::Vector2f& ray = map.rays[pixel.cell];

@@ -21,6 +21,7 @@ struct TubeTracker::State {
   SurfelFinder surfels;
   AccumulationMap votes{0.0};
   std::vector<CastVote> cast;  // what is in `votes`, in cell order
+  std::vector<FailedPlace> failed;
   KnownTubes known;
   std::optional<Eigen::Isometry3d> world_from_camera;  // of the last frame
   std::optional<double> timestamp_s;                   // of the last frame
@@ -107,6 +108,7 @@ void TubeTracker::follow_known(const DepthFrame& frame) {
   if (frame.world_from_camera && s.world_from_camera) {
     const Eigen::Isometry3d new_from_old = frame.world_from_camera->inverse() * *s.world_from_camera;
     for (FollowedTube& tube : s.known.tubes) transform(tube, new_from_old);
+    for (FailedPlace& place : s.failed) place.position_m = new_from_old * place.position_m;
   }
   s.world_from_camera = frame.world_from_camera;
   for (FollowedTube& tube : s.known.tubes) follow_tube(tube, s.map, s.config, frame.timestamp_s, elapsed_s);
@@ -152,7 +154,7 @@ const TubeFrame& TubeTracker::track(const DepthFrame& frame) {
   recast(s.votes, s.cast, surfels);  // algorithm 1
   stage.lap(stages.accumulate_ms);
 
-  auto found = find_tubes(s.votes, surfels, s.cast, s.map, s.config, stages);  // algorithm 2, section 2.3
+  auto found = find_tubes(s.votes, surfels, s.cast, s.map, s.config, s.known.first_frame ? 60 : 10, s.failed, stages);  // algorithm 2, section 2.3
   stage = {};
   take_in(s.known, std::move(found), s.map, s.config, frame.timestamp_s);
   stage.lap(stages.fit_ms);

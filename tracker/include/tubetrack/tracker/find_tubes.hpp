@@ -13,11 +13,21 @@ namespace tubetrack {
 /// flicker from frame to frame. 0 when there are no surfels.
 double matching_cell_m(std::span<const Surfel> surfels, double focal_px);
 
+/// A place where a peak turned out to be no tube: not tried again for some frames unless many more votes meet there.
+struct FailedPlace {
+  Eigen::Vector3d position_m;
+  double radius_m = 0.0;
+  int votes = 0;
+  int frames_left = 0;
+};
+
 /// All tubes that the votes and the image agree on, best peak first: trace from the best peak, fit, withdraw the votes
 /// of the surfels that the tube explains, go on with the best peak that is left. `votes` holds `cast`, one vote a
-/// surfel, and holds it again in the end.
+/// surfel, and holds it again in the end. Stops after `max_failures` seeds that were no tubes; `failed` carries these from
+/// frame to frame, so that the next frame tries others.
 std::vector<FoundTube> find_tubes(AccumulationMap& votes, std::span<const Surfel> surfels,
                                   std::span<const CastVote> cast, const HeightMap& map,
-                                  const TrackerConfig& config, StageTimes& times);
+                                  const TrackerConfig& config, int max_failures,
+                                  std::vector<FailedPlace>& failed, StageTimes& times);
 
 }  // namespace tubetrack

@@ -21,8 +21,10 @@ struct PredictedPixel {
   float sigma_m = 0.0F;        ///< of a reading there, along z (DESIGN §2: axial noise, and lateral jitter on a slope)
 };
 
-/// Every pixel whose ray meets the tube, once each, in cell order. Includes pixels without a return.
-std::vector<PredictedPixel> predict_pixels(const HeightMap& map, const NoiseModel& noise, const TubeModel& model);
+/// Every pixel whose ray meets the tube, once each, in cell order; with `stride` every so manieth in either direction.
+/// Includes pixels without a return.
+std::vector<PredictedPixel> predict_pixels(const HeightMap& map, const NoiseModel& noise, const TubeModel& model,
+                                           int stride = 1);
 
 /// The pixels to fit: predicted incidence below 75° and so far inside the silhouette that the lateral jitter doesn't
 /// reach it (chosen by prediction, never by residual beyond the gate that keeps other surfaces out), reading within
