@@ -157,8 +157,13 @@ void take_in(KnownTubes& known, std::vector<FoundTube> found, const HeightMap& m
     if (const auto back = recognise(known, tube, timestamp_s)) {
       come_back(known.tubes[*back], std::move(tube), map, config, timestamp_s);
     } else if (!join_to_known(known, tube, map, config, timestamp_s)) {
-      known.tubes.push_back(start_following(std::move(tube), map, config, timestamp_s, known.next_id++));
-      known.tubes.back().confirmed = known.first_frame;
+      FollowedTube fresh = start_following(std::move(tube), map, config, timestamp_s, known.next_id);
+      // Lengthened along all that the image confirms it may turn out to be none: a forearm's taper shows over its length.
+      if (why_no_tube(as_found(fresh, map, config), config)) continue;
+      ++known.next_id;
+      fresh.confirmed = known.first_frame;
+      fresh.standing = fresh.confirmed ? 2 : 0;
+      known.tubes.push_back(std::move(fresh));
     }
   }
   known.first_frame = false;

@@ -51,19 +51,6 @@ struct ShapeSums {
   double flatness() const { return std::abs(slope()) > 2.0 * slope_sigma() ? slope() : 0.0; }
 };
 
-/// The tightest bend of the centreline, judged over two radii of length at a time.
-double min_bend_radii(const TubeModel& model, const Extent& extent, double length_m) {
-  const double t_of_radius = (extent.t_end - extent.t_begin) * model.radius_m / std::max(length_m, 1e-9);
-  double sharpest = 1e-9;
-  for (double t = extent.t_begin + t_of_radius; t < extent.t_end - t_of_radius; t += 0.25) {
-    const Eigen::Vector3d before = point_at(model.spline, t) - point_at(model.spline, t - t_of_radius);
-    const Eigen::Vector3d after = point_at(model.spline, t + t_of_radius) - point_at(model.spline, t);
-    const double turn = std::atan2(before.cross(after).norm(), before.dot(after));
-    sharpest = std::max(sharpest, turn * 2.0 * model.radius_m / (before.norm() + after.norm()));
-  }
-  return 1.0 / sharpest;
-}
-
 /// How far a reading may stray and still be this tube's.
 double agreement_m(const TubeModel& model, const PredictedPixel& pixel) {
   return 3.5 * pixel.sigma_m + 0.05 * model.radius_m;
@@ -79,6 +66,19 @@ void add_to_shape(const TubeModel& model, const PredictedPixel& pixel, double of
 }
 
 }  // namespace
+
+double min_bend_radii(const TubeModel& model, const Extent& extent) {
+  const double length_m = arc_length_m(model.spline, extent.t_begin, extent.t_end);
+  const double t_of_radius = (extent.t_end - extent.t_begin) * model.radius_m / std::max(length_m, 1e-9);
+  double sharpest = 1e-9;
+  for (double t = extent.t_begin + t_of_radius; t < extent.t_end - t_of_radius; t += 0.25) {
+    const Eigen::Vector3d before = point_at(model.spline, t) - point_at(model.spline, t - t_of_radius);
+    const Eigen::Vector3d after = point_at(model.spline, t + t_of_radius) - point_at(model.spline, t);
+    const double turn = std::atan2(before.cross(after).norm(), before.dot(after));
+    sharpest = std::max(sharpest, turn * 2.0 * model.radius_m / (before.norm() + after.norm()));
+  }
+  return 1.0 / sharpest;
+}
 
 double station_length_m(const HeightMap& map, const TubeModel& model) {
   const Eigen::Vector3d middle = point_at(model.spline, 0.5 * model.spline.spans());
@@ -327,7 +327,7 @@ Evidence gather_evidence(const HeightMap& map, const NoiseModel& noise, const Tu
   }
   Evidence evidence;
   evidence.length_m = arc_length_m(model.spline, extent.t_begin, extent.t_end);
-  evidence.min_bend_radii = min_bend_radii(model, extent, evidence.length_m);
+  evidence.min_bend_radii = min_bend_radii(model, extent);
   if (agree == 0) return evidence;
   evidence.left = side_of(map, model, extent, predicted, -1.0);
   evidence.right = side_of(map, model, extent, predicted, 1.0);

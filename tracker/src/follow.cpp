@@ -276,7 +276,7 @@ void look(FollowedTube& tube, const HeightMap& map, const TrackerConfig& config)
   tube.state = enough ? TubeState::tracked : 2 * unknown > all && all > 0 ? TubeState::occluded : TubeState::lost;
 }
 
-/// Goes on along what the image confirms until there is no more.
+/// Goes on along what the image confirms until there is no more, or none without a bend that no tube has.
 void lengthen(FollowedTube& tube, const HeightMap& map, const TrackerConfig& config) {
   constexpr int kMaxRounds = 40;
   int stalled = 0;
@@ -286,6 +286,7 @@ void lengthen(FollowedTube& tube, const HeightMap& map, const TrackerConfig& con
     if (!fit_to_frame(longer, map, config, longer.model, no_information(longer.model))) return;
     look(longer, map, config);
     if (longer.state != TubeState::tracked) return;
+    if (min_bend_radii(longer.model, longer.extent) < config.min_bend_radii) return;
     const double gain = (longer.extent.t_end - longer.extent.t_begin) - (tube.extent.t_end - tube.extent.t_begin);
     tube = std::move(longer);
     stalled = gain < 0.3 ? stalled + 1 : 0;

@@ -37,6 +37,9 @@ struct Extent {
 };
 Extent seen_extent(const std::vector<Station>& stations, double station_m, double max_gap_m);
 
+/// The tightest bend of the centreline in tube radii, judged over two radii of length at a time.
+double min_bend_radii(const TubeModel& model, const Extent& extent);
+
 /// What the camera sees at and beyond one silhouette of the tube.
 struct Side {
   double reach_radii = 1.0;     ///< how far from the axis the surface agrees with the circle; 1 up to the silhouette
