@@ -151,13 +151,12 @@ TEST_F(RealFrames, NoTubeIsReportedOnBoxesBowlsAndTins) {
   EXPECT_EQ(count_false_tubes(objects, kD415), 0);
 }
 
-// Short of issue 2, which allows none: see docs/open.md.
-TEST_F(RealFrames, AtMostOneTubeIsReportedInTwelveFramesOfALivingRoom) {
+TEST_F(RealFrames, NoTubeIsReportedInTwelveFramesOfALivingRoom) {
   const std::array<double, 4> kinect{640.0 / 2.0 / std::tan(1.01447 / 2.0), 480.0 / 2.0 / std::tan(0.78981 / 2.0),
                                      319.5, 239.5};
   std::vector<std::string> frames;
   for (int i = 0; i < 12; ++i) frames.push_back(fmt::format("kinect-oni/derived/depth_{:02}.png", i));
-  EXPECT_LE(count_false_tubes(frames, kinect), 1);
+  EXPECT_EQ(count_false_tubes(frames, kinect), 0);
 }
 
 TEST_F(RealFrames, TheHandHeldRecordingRunsThroughItsFiftyFramesInTheWorldFrame) {

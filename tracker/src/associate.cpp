@@ -17,6 +17,7 @@ constexpr double kForgetHidden_s = 3.0;
 constexpr int kFramesOnTrial = 10;
 constexpr int kFramesBetweenTrials = 8;
 constexpr int kBestStanding = 20;  // ten frames beside a hand do not undo it
+constexpr double kSureTaper = 0.02;   // above this a finger, which tapers by 10 %, may look like a tube for a frame
 constexpr double kFastest_m_s = 0.75;
 
 std::vector<Eigen::Vector3d> samples_of(const TubeModel& model, const Extent& extent) {
@@ -159,9 +160,10 @@ void take_in(KnownTubes& known, std::vector<FoundTube> found, const HeightMap& m
     } else if (!join_to_known(known, tube, map, config, timestamp_s)) {
       FollowedTube fresh = start_following(std::move(tube), map, config, timestamp_s, known.next_id);
       // Lengthened along all that the image confirms it may turn out to be none: a forearm's taper shows over its length.
-      if (why_no_tube(as_found(fresh, map, config), config)) continue;
+      const FoundTube whole = as_found(fresh, map, config);
+      if (why_no_tube(whole, config)) continue;
       ++known.next_id;
-      fresh.confirmed = known.first_frame;
+      fresh.confirmed = known.first_frame && whole.evidence.taper_sigma < kSureTaper;
       fresh.standing = fresh.confirmed ? 2 : 0;
       known.tubes.push_back(std::move(fresh));
     }

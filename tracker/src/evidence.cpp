@@ -334,6 +334,8 @@ Evidence gather_evidence(const HeightMap& map, const NoiseModel& noise, const Tu
   look_beside(map, noise, model, extent, evidence);
   // A cone is flatter than the mean circle at its wide end, and rounder at the other.
   evidence.taper = 2.0 * (second_half.slope() - first_half.slope()) * model.radius_m / evidence.length_m;
+  evidence.taper_sigma =
+      2.0 * std::hypot(first_half.slope_sigma(), second_half.slope_sigma()) * model.radius_m / evidence.length_m;
   ShapeSums shape = first_half;
   shape += second_half;
   evidence.flatness = shape.slope();

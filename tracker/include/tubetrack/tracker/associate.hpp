@@ -6,8 +6,8 @@
 
 namespace tubetrack {
 
-/// The tubes that are followed, and the next one's id. Those of the first frame are confirmed at once, for a single scan
-/// is all that some have; later ones when two more frames have said so (forget_denied).
+/// The tubes that are followed, and the next one's id. Those of the first frame are confirmed at once where it shows
+/// their shape well, for a single scan is all that some have; all others when two more frames have said so.
 struct KnownTubes {
   std::vector<FollowedTube> tubes;
   std::int64_t next_id = 1;

@@ -74,6 +74,7 @@ struct Evidence {
   double flatness = 0.0;  ///< as Station's, over all that is seen
   double flatness_sigma = 0.0;
   double taper = 0.0;  ///< change of radius per length
+  double taper_sigma = 0.0;
 };
 Evidence gather_evidence(const HeightMap& map, const NoiseModel& noise, const TubeModel& model,
                          const std::vector<PredictedPixel>& predicted, const Extent& extent);
