@@ -111,9 +111,10 @@ void AccumulationMap::cast(const VoteRecord& record, int sign) {
   const std::int64_t dx = rounded(record.direction[0]);
   const std::int64_t dy = rounded(record.direction[1]);
   const std::int64_t dz = rounded(record.direction[2]);
-  Voxel vote{weight, 0,
-                   {weight * dx * dx, weight * dx * dy, weight * dx * dz, weight * dy * dy, weight * dy * dz,
-                    weight * dz * dz}};
+  Voxel vote{
+      weight,
+      0,
+      {weight * dx * dx, weight * dx * dy, weight * dx * dz, weight * dy * dy, weight * dy * dz, weight * dz * dz}};
   VoxelIndex last{};
   VoxelIndex key{};
   Block* block = nullptr;

@@ -16,8 +16,8 @@ constexpr double kForgetLost_s = 1.0;
 constexpr double kForgetHidden_s = 3.0;
 constexpr int kFramesOnTrial = 10;
 constexpr int kFramesBetweenTrials = 8;
-constexpr int kBestStanding = 20;  // ten frames beside a hand do not undo it
-constexpr double kSureTaper = 0.02;   // above this a finger, which tapers by 10 %, may look like a tube for a frame
+constexpr int kBestStanding = 20;    // ten frames beside a hand do not undo it
+constexpr double kSureTaper = 0.02;  // above this a finger, which tapers by 10 %, may look like a tube for a frame
 constexpr double kFastest_m_s = 0.75;
 
 std::vector<Eigen::Vector3d> samples_of(const TubeModel& model, const Extent& extent) {
@@ -159,7 +159,8 @@ void take_in(KnownTubes& known, std::vector<FoundTube> found, const HeightMap& m
       come_back(known.tubes[*back], std::move(tube), map, config, timestamp_s);
     } else if (!join_to_known(known, tube, map, config, timestamp_s)) {
       FollowedTube fresh = start_following(std::move(tube), map, config, timestamp_s, known.next_id);
-      // Lengthened along all that the image confirms it may turn out to be none: a forearm's taper shows over its length.
+      // Lengthened along all that the image confirms it may turn out to be none: a forearm's taper shows over its
+      // length.
       const FoundTube whole = as_found(fresh, map, config);
       if (why_no_tube(whole, config)) continue;
       ++known.next_id;

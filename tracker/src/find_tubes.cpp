@@ -72,9 +72,8 @@ double matching_cell_m(std::span<const Surfel> surfels, double focal_px) {
 }
 
 std::vector<FoundTube> find_tubes(AccumulationMap& votes, std::span<const Surfel> surfels,
-                                  std::span<const CastVote> cast, const HeightMap& map,
-                                  const TrackerConfig& config, int max_failures,
-                                  std::vector<FailedPlace>& failed, StageTimes& times) {
+                                  std::span<const CastVote> cast, const HeightMap& map, const TrackerConfig& config,
+                                  int max_failures, std::vector<FailedPlace>& failed, StageTimes& times) {
   Stopwatch watch;
   std::vector<FoundTube> tubes;
   std::vector<bool> withdrawn(surfels.size(), false);

@@ -154,7 +154,8 @@ const TubeFrame& TubeTracker::track(const DepthFrame& frame) {
   recast(s.votes, s.cast, surfels);  // algorithm 1
   stage.lap(stages.accumulate_ms);
 
-  auto found = find_tubes(s.votes, surfels, s.cast, s.map, s.config, s.known.first_frame ? 60 : 10, s.failed, stages);  // algorithm 2, section 2.3
+  auto found = find_tubes(s.votes, surfels, s.cast, s.map, s.config, s.known.first_frame ? 60 : 10, s.failed,
+                          stages);  // algorithm 2, section 2.3
   stage = {};
   take_in(s.known, std::move(found), s.map, s.config, frame.timestamp_s);
   stage.lap(stages.fit_ms);

@@ -20,8 +20,8 @@ struct KnownTubes {
 void take_in(KnownTubes& known, std::vector<FoundTube> found, const HeightMap& map, const TrackerConfig& config,
              double timestamp_s);
 
-/// Asks again whether the tubes in sight are tubes, in their first frames and now and then later: forgets those that are
-/// denied, which only looked like a tube in the noise of one frame, and confirms those that two frames bear out.
+/// Asks again whether the tubes in sight are tubes, in their first frames and now and then later: forgets those that
+/// are denied, which only looked like a tube in the noise of one frame, and confirms those that two frames bear out.
 void confirm_or_forget(KnownTubes& known, const HeightMap& map, const TrackerConfig& config);
 
 /// Forgets what has not been seen for too long: 1 s where it should be in view, 3 s where something hides it.
