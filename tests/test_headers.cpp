@@ -1,1 +1,0 @@
-// No test is here: this program carries the headers that CMake compiles once for all tests (tests/CMakeLists.txt).
