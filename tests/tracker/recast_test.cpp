@@ -7,7 +7,7 @@
 namespace tubetrack {
 namespace {
 
-/// A stream of surfels in a space of half a metre: cells come, go, stay as they are, move a little or far away.
+/// A stream of surfels in a space of half a metre: cells come, go, stay as they are or change altogether.
 struct SurfelStream {
   std::mt19937_64 random{17};
   std::vector<Surfel> by_cell = std::vector<Surfel>(600);

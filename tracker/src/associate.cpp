@@ -17,7 +17,7 @@ constexpr double kForgetHidden_s = 3.0;
 constexpr int kFramesOnTrial = 10;
 constexpr int kFramesBetweenTrials = 8;
 constexpr int kBestStanding = 20;    // ten frames beside a hand do not undo it
-constexpr double kSureTaper = 0.02;  // above this a finger, which tapers by 10 %, may look like a tube for a frame
+constexpr double kSureTaper = 0.02;  // above this a finger may look like a tube for a frame
 constexpr double kFastest_m_s = 0.75;
 
 std::vector<Eigen::Vector3d> samples_of(const TubeModel& model, const Extent& extent) {
@@ -173,14 +173,14 @@ void take_in(KnownTubes& known, std::vector<FoundTube> found, const HeightMap& m
 }
 
 void confirm_or_forget(KnownTubes& known, const HeightMap& map, const TrackerConfig& config) {
-  std::erase_if(known.tubes, [&](FollowedTube& tube) {
+  for (FollowedTube& tube : known.tubes) {
     const bool now = tube.frames_followed <= kFramesOnTrial || tube.frames_followed % kFramesBetweenTrials == 0;
-    if (tube.state != TubeState::tracked || !now) return false;
+    if (tube.state != TubeState::tracked || !now) continue;
     const bool denied = why_no_tube(as_found(tube, map, config), config).has_value();
     tube.standing = std::min(kBestStanding, tube.standing + (denied ? -2 : 1));
     tube.confirmed = tube.confirmed || tube.standing >= 2;
-    return tube.standing < 0;
-  });
+  }
+  std::erase_if(known.tubes, [](const FollowedTube& tube) { return tube.standing < 0; });
 }
 
 void forget_old(KnownTubes& known, double timestamp_s) {

@@ -77,7 +77,8 @@ std::vector<FoundTube> find_tubes(AccumulationMap& votes, std::span<const Surfel
   Stopwatch watch;
   std::vector<FoundTube> tubes;
   std::vector<bool> withdrawn(surfels.size(), false);
-  std::erase_if(failed, [](FailedPlace& place) { return --place.frames_left <= 0; });
+  for (FailedPlace& place : failed) --place.frames_left;
+  std::erase_if(failed, [](const FailedPlace& place) { return place.frames_left <= 0; });
   int failures = 0;
   for (const VoxelIndex& peak : votes.peaks(kMinVotes, 1)) {
     if (failures >= max_failures) break;

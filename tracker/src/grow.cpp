@@ -55,7 +55,7 @@ std::optional<double> silhouette_radius_m(const Evidence& e, double radius_m) {
   return reach * radius_m;
 }
 
-/// So that a seed has some two thousand pixels at most: enough to tell whether it is worth growing.
+/// So that a seed has some thousands of pixels at most: enough to tell whether it is worth growing.
 int seed_stride(const HeightMap& map, const Seed& seed, double radius_m) {
   const double side_px = 2.0 * radius_m * map.intrinsics.fx_px / std::max(seed.center_m.z(), 0.05);
   return std::max(1, static_cast<int>(side_px / 45.0));

@@ -31,6 +31,10 @@ struct TubeTracker::State {
 
 namespace {
 
+// Seeds that may fail in a frame before the search is left to the next; the first frame may be all there is.
+constexpr int kFailuresAtFirst = 60;
+constexpr int kFailuresLater = 10;
+
 HeightMapLimits limits_of(const TrackerConfig& config) {
   return {config.depth_min_m, config.depth_max_m,  config.roi_u_px,
           config.roi_v_px,    config.roi_width_px, config.roi_height_px};
@@ -154,7 +158,8 @@ const TubeFrame& TubeTracker::track(const DepthFrame& frame) {
   recast(s.votes, s.cast, surfels);  // algorithm 1
   stage.lap(stages.accumulate_ms);
 
-  auto found = find_tubes(s.votes, surfels, s.cast, s.map, s.config, s.known.first_frame ? 60 : 10, s.failed,
+  const int max_failures = s.known.first_frame ? kFailuresAtFirst : kFailuresLater;
+  auto found = find_tubes(s.votes, surfels, s.cast, s.map, s.config, max_failures, s.failed,
                           stages);  // algorithm 2, section 2.3
   stage = {};
   take_in(s.known, std::move(found), s.map, s.config, frame.timestamp_s);
