@@ -12,6 +12,7 @@ namespace {
 constexpr double kRestChi2 = 30.0;      // 6 degrees of freedom: once in 25,000 frames by chance
 constexpr int kMaxPooledFrames = 60;    // what is older fades
 constexpr int kFramesToComeToRest = 6;  // long enough for 1 mm/s to show
+constexpr double kEndTrim = 0.6;        // spans
 
 FitOptions fit_options(const TrackerConfig& config, const FollowedTube& tube, const Information* prior) {
   FitOptions options;
@@ -35,13 +36,14 @@ Information radius_only(const FollowedTube& tube) {
   return information;
 }
 
-/// Observations of the stretch that is known, or may be now.
+/// Observations of the stretch that is known, short of its ends: what lies there may be the end's own face, or what it
+/// touches. A short piece gives up a tenth at either end.
 std::vector<Observation> observe(const HeightMap& map, const TrackerConfig& config, const FollowedTube& tube,
                                  const std::vector<PredictedPixel>& pixels, double gate_m) {
   auto observations = select_observations(map, config.noise, pixels, gate_m, 4.0);
-  const double slack = 0.25;
+  const double trim = std::min(kEndTrim, 0.1 * (tube.extent.t_end - tube.extent.t_begin));
   std::erase_if(observations, [&](const Observation& observation) {
-    return observation.t < tube.extent.t_begin - slack || observation.t > tube.extent.t_end + slack;
+    return observation.t < tube.extent.t_begin + trim || observation.t > tube.extent.t_end - trim;
   });
   return observations;
 }

@@ -186,7 +186,7 @@ std::vector<Observation> select_observations(const HeightMap& map, const NoiseMo
                                              const std::vector<PredictedPixel>& predicted, double gate_m,
                                              double gate_sigmas) {
   constexpr float kCos75 = 0.2588F;
-  const float margin_px = 2.0F * static_cast<float>(noise.lateral_px);
+  const float margin_px = 3.0F * static_cast<float>(noise.lateral_px);
   std::vector<Observation> observations;
   observations.reserve(predicted.size());
   for (const PredictedPixel& pixel : predicted) {
