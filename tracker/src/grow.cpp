@@ -197,9 +197,10 @@ std::optional<std::string> why_no_tube(const FoundTube& found, const TrackerConf
   if (!e.turns_away()) return "the surface goes on beyond both sides";
   const double straight = std::max(e.left.straight_share, e.right.straight_share);
   if (e.edge_share > 0.45 || straight > 0.6) return "goes straight on beyond a side";
-  // A short piece tells its taper poorly.
-  if (std::abs(e.taper) > (e.length_m > 5.0 * radius ? 0.055 : 0.09))
-    return fmt::format("its radius changes by {:.0f} % of the length", 100.0 * std::abs(e.taper));
+  // On a short piece a bulge or a foot looks like taper.
+  const double taper = std::abs(e.taper);
+  if (taper > 0.09 || (taper > 0.055 && taper * e.length_m > 0.28 * radius))
+    return fmt::format("its radius changes by {:.0f} % of the length", 100.0 * taper);
   if (std::min(e.left.reach_radii, e.right.reach_radii) < 0.5) return "only one side is seen";
   if (e.support < 0.84) return fmt::format("only {:.0f} % of its surface agrees", 100.0 * e.support);
   const bool clear =
