@@ -165,7 +165,7 @@ TEST(SelectObservations, TakesReadingsWithinTheGateBelow75DegreesAndInsideTheSil
                                                   : turn == 1 ? 0.99
                                                               : 1.01) *
                                                      gate);
-    if (turn < 2 && pixel.margin_px >= 1.0F && incidence < 75.0 / 180.0 * std::numbers::pi) wanted.push_back(pixel);
+    if (turn < 2 && pixel.margin_px >= 1.5F && incidence < 75.0 / 180.0 * std::numbers::pi) wanted.push_back(pixel);
   }
   const auto observations = select_observations(map, noise, predicted, 0.002, 3.0);
   ASSERT_EQ(observations.size(), wanted.size());

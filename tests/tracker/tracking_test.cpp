@@ -69,6 +69,15 @@ TEST(Tracking, ATubeInMotionKeepsItsIdAndItsAccuracy) {
   EXPECT_LE(score.rms_m(), 0.0003);
 }
 
+// A millimetre a second, which no single frame shows. Pooled as if it rested it would lag by 0.5 mm.
+TEST(Tracking, ATubeThatCreepsIsPooledAsItCreeps) {
+  Scene scene = *load_scene("straight");
+  scene.tubes[0].motion.velocity_m_s = 0.001 * Eigen::Vector3d(0.3, 0.8, 0.5).normalized();
+  const TubeScore score = score_from(follow(scene, 30), 27);
+  std::printf("creeping: after 28 frames %.3f mm\n", 1e3 * score.rms_m());
+  EXPECT_LT(score.rms_m(), 0.00012);
+}
+
 TEST(Tracking, WithAMovingCameraTubesKeepTheirIdsInTheWorldFrame) {
   const Followed run = follow(*load_scene("moving-camera"), 8);
   const TubeScore score = score_from(run, 0);

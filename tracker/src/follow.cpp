@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "drift.hpp"
 #include "motion.hpp"
 
 namespace tubetrack {
@@ -56,17 +57,56 @@ void start_pool(FollowedTube& tube) {
   tube.at_rest = true;
   tube.velocity = {};
   tube.frames_pooled = 0;
+  tube.pooled_age_s = 0.0;
   tube.pooled = radius_only(tube);
+  start_drift(tube.drift, tube.model);
 }
 
 void add_to_pool(FollowedTube& tube) {
   const double doubt = std::max(1.0, tube.quality.chi2_per_observation);
   if (++tube.frames_pooled > kMaxPooledFrames) {
-    tube.pooled.matrix *= 1.0 - 1.0 / kMaxPooledFrames;
-    tube.pooled.vector *= 1.0 - 1.0 / kMaxPooledFrames;
+    constexpr double kFactor = 1.0 - 1.0 / kMaxPooledFrames;
+    tube.pooled.matrix *= kFactor;
+    tube.pooled.vector *= kFactor;
+    fade(tube.drift, kFactor);
   }
-  tube.pooled.matrix += tube.quality.observed.matrix / doubt;
-  tube.pooled.vector += tube.quality.observed.vector / doubt;
+  const Information observed{tube.quality.observed.matrix / doubt, tube.quality.observed.vector / doubt};
+  tube.pooled.matrix += observed.matrix;
+  tube.pooled.vector += observed.vector;
+  tube.pooled_age_s *= 1.0 - 1.0 / std::min(tube.frames_pooled, kMaxPooledFrames);
+  add_frame(tube.drift, observed);
+}
+
+/// What was pooled, as if everything in it lay elsewhere.
+void carry_pool(FollowedTube& tube, const Twist& by) {
+  Eigen::Matrix<double, 7, 1> change;
+  change << by.shift_m, by.turn_rad, 0.0;
+  tube.pooled.vector += tube.pooled.matrix * (by_motion(tube.model) * change);
+}
+
+/// At rest, before a frame: what is known of the tube goes on as it creeps.
+void creep_on(FollowedTube& tube, double elapsed_s) {
+  const Twist by = Twist{tube.velocity.shift_m_s, tube.velocity.turn_rad_s} * elapsed_s;
+  carry_pool(tube, by);
+  move(tube.model, by);
+  move(tube.drift.anchor, by);
+  age(tube.drift, elapsed_s);
+  tube.pooled_age_s += elapsed_s;
+}
+
+/// At rest, after a frame: how fast the tube creeps, seen over all frames pooled. A creeping tube is where the pool's
+/// mean frame saw it, and as much farther as it crept since; not knowing that to the end makes the place less sure.
+void judge_creep(FollowedTube& tube) {
+  const Twist velocity{tube.velocity.shift_m_s, tube.velocity.turn_rad_s};
+  const VelocityChange found = judge_velocity(tube.drift, velocity);
+  recarry(tube.drift, found.change_per_s);
+  tube.velocity.shift_m_s += found.change_per_s.shift_m;
+  tube.velocity.turn_rad_s += found.change_per_s.turn_rad;
+  const Twist by = found.change_per_s * tube.pooled_age_s;
+  carry_pool(tube, by);
+  move(tube.model, by);
+  const Eigen::MatrixXd jacobian = by_motion(tube.model).leftCols<6>();
+  tube.quality.covariance += jacobian * found.added_covariance * jacobian.transpose();
 }
 
 /// The motion from where a model is to where the observations are; `enough` false: too few to tell.
@@ -254,6 +294,7 @@ void fit_spline_to_extent(FollowedTube& tube) {
   tube.quality.observed = resized(tube.quality.observed, front, back);
   tube.quality.covariance = resized(tube.quality.covariance, front, back, far2);
   tube.anchor = tube.model;
+  start_drift(tube.drift, tube.model);
 }
 
 /// Pixels and stations of the present model, and what they say of its extent, support and state.
@@ -326,10 +367,9 @@ FollowedTube start_following(FoundTube found, const HeightMap& map, const Tracke
 void follow_tube(FollowedTube& tube, const HeightMap& map, const TrackerConfig& config, double timestamp_s,
                  double elapsed_s) {
   fit_spline_to_extent(tube);
+  if (tube.at_rest) creep_on(tube, elapsed_s);
   TubeModel expected = tube.model;
-  if (!tube.at_rest) {
-    move(expected, Twist{tube.velocity.shift_m_s, tube.velocity.turn_rad_s} * elapsed_s);
-  }
+  if (!tube.at_rest) move(expected, Twist{tube.velocity.shift_m_s, tube.velocity.turn_rad_s} * elapsed_s);
   const FollowedTube before = tube;
   TubeModel model = expected;
   const bool placed = judge_motion(tube, map, config, model, elapsed_s);
@@ -352,6 +392,7 @@ void follow_tube(FollowedTube& tube, const HeightMap& map, const TrackerConfig& 
   ++tube.frames_followed;
   if (tube.at_rest) {
     add_to_pool(tube);
+    judge_creep(tube);
   } else {
     judge_rest(tube, map, config);
   }
@@ -363,8 +404,9 @@ void transform(FollowedTube& tube, const Eigen::Isometry3d& new_from_old) {
   };
   move_model(tube.model);
   move_model(tube.anchor);
+  move_model(tube.drift.anchor);
   const Eigen::Matrix3d rotation = new_from_old.linear();
-  const auto turn = [&](Eigen::MatrixXd& matrix) {
+  const auto turn_blocks = [&](Eigen::MatrixXd& matrix) {
     for (Eigen::Index k = 0; k + 3 <= matrix.rows(); k += 3) {
       matrix.middleRows<3>(k) = rotation * Eigen::MatrixXd(matrix.middleRows<3>(k));
     }
@@ -373,7 +415,7 @@ void transform(FollowedTube& tube, const Eigen::Isometry3d& new_from_old) {
     }
   };
   const auto carry = [&](Information& information) {
-    turn(information.matrix);
+    turn_blocks(information.matrix);
     Eigen::VectorXd shift = Eigen::VectorXd::Zero(information.vector.size());
     for (Eigen::Index k = 0; k + 3 <= shift.size(); k += 3) {
       information.vector.segment<3>(k) = rotation * Eigen::Vector3d(information.vector.segment<3>(k));
@@ -383,7 +425,8 @@ void transform(FollowedTube& tube, const Eigen::Isometry3d& new_from_old) {
   };
   carry(tube.pooled);
   carry(tube.quality.observed);
-  turn(tube.quality.covariance);
+  turn_blocks(tube.quality.covariance);
+  turn(tube.drift, rotation);
   tube.velocity.shift_m_s = rotation * tube.velocity.shift_m_s;
   tube.velocity.turn_rad_s = rotation * tube.velocity.turn_rad_s;
 }

@@ -22,7 +22,8 @@ Eigen::Matrix3d cross_matrix(const Eigen::Vector3d& v) {
   return m;
 }
 
-/// Change of all parameters by (shift, turn, radius).
+}  // namespace
+
 Eigen::MatrixXd by_motion(const TubeModel& model) {
   const auto& q = model.spline.control_m;
   const Eigen::Vector3d middle = middle_of(model);
@@ -36,15 +37,12 @@ Eigen::MatrixXd by_motion(const TubeModel& model) {
   return jacobian;
 }
 
-/// What a tube can't have moved by from one frame to the next, so that unseen motions don't run away.
 Matrix7 weak_prior(const TubeModel& model) {
   Matrix7 prior = Matrix7::Zero();
   const double shift = 1.0 / (4.0 * model.radius_m * model.radius_m);
   prior.diagonal() << shift, shift, shift, 25.0, 25.0, 25.0, shift;
   return prior;
 }
-
-}  // namespace
 
 void move(TubeModel& model, const Twist& twist) {
   const Eigen::Vector3d middle = middle_of(model);

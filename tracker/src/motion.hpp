@@ -16,6 +16,12 @@ struct Twist {
 
 void move(TubeModel& model, const Twist& twist);
 
+/// Change of all parameters (in Information's order) by a twist and the radius: 7 columns.
+Eigen::MatrixXd by_motion(const TubeModel& model);
+
+/// What a tube can't have moved by from one frame to the next, so that unseen motions don't run away.
+Eigen::Matrix<double, 7, 7> weak_prior(const TubeModel& model);
+
 /// How a tube seems to have moved, and how surely: information of (shift, turn), the radius taken out.
 struct MotionEstimate {
   Twist twist;

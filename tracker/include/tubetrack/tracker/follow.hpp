@@ -14,6 +14,20 @@ struct TubeVelocity {
   Eigen::Vector3d turn_rad_s = Eigen::Vector3d::Zero();
 };
 
+/// What the frames that are pooled say of the tube's motion as a whole against an anchor that is carried on with it, as
+/// sums over the frames: information of (shift, turn, radius), that times each frame's age and its square, and
+/// information times what was seen.
+struct Drift {
+  using Matrix7 = Eigen::Matrix<double, 7, 7>;
+  using Vector7 = Eigen::Matrix<double, 7, 1>;
+  TubeModel anchor;
+  Matrix7 information = Matrix7::Zero();
+  Matrix7 by_age = Matrix7::Zero();
+  Matrix7 by_age2 = Matrix7::Zero();
+  Vector7 seen = Vector7::Zero();
+  Vector7 seen_by_age = Vector7::Zero();
+};
+
 /// A tube that is followed from frame to frame. Everything is in the camera frame of the last frame.
 struct FollowedTube {
   std::int64_t id = 0;
@@ -33,10 +47,12 @@ struct FollowedTube {
   bool at_rest = true;
   Information pooled;                   ///< at rest: of all frames since it came to rest
   int frames_pooled = 0;                ///< at rest: how many; moving: frames since `anchor`
+  double pooled_age_s = 0.0;            ///< at rest: the frames' mean age
+  Drift drift;                          ///< at rest: of the same frames
   std::optional<double> held_radius_m;  ///< as FoundTube's
   double radius_information = 0.0;      ///< 1/m²
   TubeModel anchor;                     ///< moving: where it was when it was last asked whether it still moves
-  TubeVelocity velocity;                ///< moving
+  TubeVelocity velocity;                ///< at rest: how it creeps
 };
 
 /// A tube just found, as the first frame of a followed one; if it was joined, lengthened along all that the image

@@ -1,0 +1,92 @@
+#include "drift.hpp"
+
+#include <gtest/gtest.h>
+
+#include <Eigen/LU>
+
+#include "tracker/tube_scene.hpp"
+
+namespace tubetrack {
+namespace {
+
+using Eigen::Vector3d;
+
+const Vector3d kMiddle(0.01, -0.02, 0.8);
+const Vector3d kAxis = Vector3d(1.0, 0.3, 0.15).normalized();
+constexpr double kFrame_s = 1.0 / 30.0;
+
+TubeModel tube() {
+  return straight_model(kMiddle, kAxis, 0.15, 0.015);
+}
+
+/// A frame that tells every control point and the radius to `sigma_m`, and sees the tube moved.
+Information frame_that_sees(const TubeModel& model, double sigma_m) {
+  const Eigen::VectorXd parameters = parameters_of(model);
+  const Eigen::MatrixXd matrix = Eigen::MatrixXd::Identity(parameters.size(), parameters.size()) / (sigma_m * sigma_m);
+  return {matrix, matrix * parameters};
+}
+
+/// The drift of a tube over `frames` frames, carried on at `guess_per_s`.
+Drift drift_over(int frames, const Twist& velocity_per_s, const Twist& guess_per_s, double sigma_m) {
+  Drift drift;
+  start_drift(drift, tube());
+  for (int i = 0; i < frames; ++i) {
+    if (i > 0) {
+      move(drift.anchor, guess_per_s * kFrame_s);
+      age(drift, kFrame_s);
+    }
+    TubeModel seen = tube();
+    move(seen, velocity_per_s * (i * kFrame_s));
+    add_frame(drift, frame_that_sees(seen, sigma_m));
+  }
+  return drift;
+}
+
+// About its axis a straight tube shows no turn.
+const Twist kCreep{{0.0004, -0.0003, 0.0008}, kAxis.cross(Vector3d(0.002, 0.001, -0.003))};
+
+TEST(Drift, TheVelocityOfManySharpFramesIsFound) {
+  const VelocityChange found = judge_velocity(drift_over(30, kCreep, {}, 1e-5), {});
+  EXPECT_LT((found.change_per_s.shift_m - kCreep.shift_m).norm(), 1e-6);
+  EXPECT_LT((found.change_per_s.turn_rad - kCreep.turn_rad).norm(), 1e-5);
+}
+
+TEST(Drift, OnceCarriedOnAtItsVelocityThereIsNothingToChange) {
+  const VelocityChange found = judge_velocity(drift_over(30, kCreep, kCreep, 1e-5), kCreep);
+  EXPECT_LT(found.change_per_s.shift_m.norm(), 1e-6);
+  EXPECT_LT(found.change_per_s.turn_rad.norm(), 1e-5);
+}
+
+TEST(Drift, TwoFramesCannotTellAVelocityFromTheirNoise) {
+  const VelocityChange found = judge_velocity(drift_over(2, kCreep, {}, 1e-3), {});
+  EXPECT_LT(found.change_per_s.shift_m.norm(), 0.02 * kCreep.shift_m.norm());
+}
+
+TEST(Drift, FramesCarriedAnewAreThoseThatWereCarriedSoFromTheStart) {
+  Drift late = drift_over(20, kCreep, {}, 1e-4);
+  recarry(late, kCreep);
+  const Drift early = drift_over(20, kCreep, kCreep, 1e-4);
+  // The one's anchor stayed where the tube was at first, the other's went along.
+  Eigen::Matrix<double, 7, 1> way;
+  way << kCreep.shift_m, kCreep.turn_rad, 0.0;
+  way *= 19 * kFrame_s;
+  const Eigen::Matrix<double, 7, 1> expected = late.information * way;
+  EXPECT_LT((late.seen - expected - early.seen).norm(), 1e-3 * expected.norm());
+}
+
+// For n frames at equal distances, not knowing the velocity makes the place at the last of them 4 n / (n + 1) … times
+// less sure in variance: (4 n − 2) / (n (n + 1)) against 1 / n.
+TEST(Drift, NotKnowingTheVelocityAddsWhatARegressionLineSays) {
+  constexpr int kFrames = 30;
+  constexpr double kSigma_m = 1e-5;
+  const Drift drift = drift_over(kFrames, {}, {}, kSigma_m);
+  const double points = static_cast<double>(tube().spline.control_m.size());
+  const double of_one_frame = kSigma_m * kSigma_m / points;
+  const double known = of_one_frame / kFrames;
+  const double unknown = of_one_frame * (4.0 * kFrames - 2.0) / (kFrames * (kFrames + 1.0));
+  const VelocityChange found = judge_velocity(drift, {});
+  EXPECT_NEAR(found.added_covariance(0, 0), unknown - known, 0.02 * (unknown - known));
+}
+
+}  // namespace
+}  // namespace tubetrack

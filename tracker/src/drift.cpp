@@ -1,0 +1,94 @@
+#include "drift.hpp"
+
+#include <Eigen/Cholesky>
+#include <Eigen/LU>
+
+namespace tubetrack {
+
+namespace {
+
+using Vector6 = Eigen::Matrix<double, 6, 1>;
+using Vector7 = Eigen::Matrix<double, 7, 1>;
+using Matrix6 = Eigen::Matrix<double, 6, 6>;
+using Matrix7 = Eigen::Matrix<double, 7, 7>;
+using Matrix13 = Eigen::Matrix<double, 13, 13>;
+
+// What calls itself at rest creeps by about this: a hand that holds still, a settling table, a camera that warms up.
+constexpr double kCreep_m_s = 0.001;
+
+Vector6 as_vector(const Twist& twist) {
+  Vector6 v;
+  v << twist.shift_m, twist.turn_rad;
+  return v;
+}
+
+double half_length_m(const TubeModel& model) {
+  return 0.5 * (model.spline.control_m.back() - model.spline.control_m.front()).norm();
+}
+
+}  // namespace
+
+void start_drift(Drift& drift, const TubeModel& place) {
+  drift = {};
+  drift.anchor = place;
+}
+
+void add_frame(Drift& drift, const Information& observed) {
+  const Eigen::MatrixXd jacobian = by_motion(drift.anchor);
+  drift.information += jacobian.transpose() * observed.matrix * jacobian;
+  drift.seen += jacobian.transpose() * (observed.vector - observed.matrix * parameters_of(drift.anchor));
+}
+
+void age(Drift& drift, double elapsed_s) {
+  drift.by_age2 += 2.0 * elapsed_s * drift.by_age + elapsed_s * elapsed_s * drift.information;
+  drift.by_age += elapsed_s * drift.information;
+  drift.seen_by_age += elapsed_s * drift.seen;
+}
+
+void fade(Drift& drift, double factor) {
+  drift.information *= factor;
+  drift.by_age *= factor;
+  drift.by_age2 *= factor;
+  drift.seen *= factor;
+  drift.seen_by_age *= factor;
+}
+
+void turn(Drift& drift, const Eigen::Matrix3d& new_from_old) {
+  Matrix7 rotation = Matrix7::Identity();
+  rotation.block<3, 3>(0, 0) = rotation.block<3, 3>(3, 3) = new_from_old;
+  for (Matrix7* sum : {&drift.information, &drift.by_age, &drift.by_age2})
+    *sum = rotation * *sum * rotation.transpose();
+  drift.seen = rotation * drift.seen;
+  drift.seen_by_age = rotation * drift.seen_by_age;
+}
+
+/// A frame of age a saw the tube at d − v a. Least squares for the place now, d (with the radius), and v, which is held
+/// near zero by what a tube at rest may creep.
+VelocityChange judge_velocity(const Drift& drift, const Twist& velocity_per_s) {
+  const double turn_rad_s = kCreep_m_s / half_length_m(drift.anchor);
+  Vector6 hold = Vector6::Constant(1.0 / (kCreep_m_s * kCreep_m_s));
+  hold.tail<3>().setConstant(1.0 / (turn_rad_s * turn_rad_s));
+  const Matrix7 place = drift.information + weak_prior(drift.anchor);
+  Matrix13 matrix;
+  matrix.topLeftCorner<7, 7>() = place;
+  matrix.topRightCorner<7, 6>() = -drift.by_age.leftCols<6>();
+  matrix.bottomLeftCorner<6, 7>() = -drift.by_age.topRows<6>();
+  matrix.bottomRightCorner<6, 6>() = drift.by_age2.topLeftCorner<6, 6>();
+  matrix.bottomRightCorner<6, 6>().diagonal() += hold;
+  Eigen::Matrix<double, 13, 1> right;
+  right << drift.seen, -drift.seen_by_age.head<6>() - hold.cwiseProduct(as_vector(velocity_per_s));
+  const Eigen::LDLT<Matrix13> solver(matrix);
+  const Vector6 change = solver.solve(right).tail<6>();
+  const Matrix13 covariance = solver.solve(Matrix13::Identity());
+  const Matrix7 without = place.inverse();
+  return {{change.head<3>(), change.tail<3>()}, covariance.topLeftCorner<6, 6>() - without.topLeftCorner<6, 6>()};
+}
+
+void recarry(Drift& drift, const Twist& change_per_s) {
+  Vector7 change = Vector7::Zero();
+  change.head<6>() = as_vector(change_per_s);
+  drift.seen += drift.by_age * change;
+  drift.seen_by_age += drift.by_age2 * change;
+}
+
+}  // namespace tubetrack

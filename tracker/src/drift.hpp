@@ -1,0 +1,34 @@
+#pragma once
+
+#include "motion.hpp"
+#include "tubetrack/tracker/follow.hpp"
+
+namespace tubetrack {
+
+/// Starts anew at a place, with no frame and no velocity.
+void start_drift(Drift& drift, const TubeModel& place);
+
+/// Takes in what one frame says of the tube (Information of its observations alone, of the anchor's size).
+void add_frame(Drift& drift, const Information& observed);
+
+/// Lets time pass: all frames so far get older.
+void age(Drift& drift, double elapsed_s);
+
+/// Makes what older frames say count less, by a factor.
+void fade(Drift& drift, double factor);
+
+/// Carries it (but for its anchor) into another frame of reference.
+void turn(Drift& drift, const Eigen::Matrix3d& new_from_old);
+
+/// By how much the velocity that the frames so far were carried on with is wrong, and what not knowing it adds to the
+/// covariance of the place (shift, turn).
+struct VelocityChange {
+  Twist change_per_s;
+  Eigen::Matrix<double, 6, 6> added_covariance = Eigen::Matrix<double, 6, 6>::Zero();
+};
+VelocityChange judge_velocity(const Drift& drift, const Twist& velocity_per_s);
+
+/// The same frames as if they had been carried on with a velocity that differs by `change_per_s`.
+void recarry(Drift& drift, const Twist& change_per_s);
+
+}  // namespace tubetrack
