@@ -8,6 +8,8 @@ namespace tubetrack {
 
 namespace {
 
+constexpr double kCornerCut = 0.01;  // of the spline's third difference
+
 /// Covariance of a centreline point from that of the control points, and the larger σ across the tube.
 void add_uncertainty(const FollowedTube& followed, double t, Tube& tube) {
   const SplineBasis basis = basis_at(followed.model.spline, t);
@@ -19,6 +21,11 @@ void add_uncertainty(const FollowedTube& followed, double t, Tube& tube) {
       covariance += basis.value[i] * basis.value[j] * followed.quality.covariance.block<3, 3>(row, col);
     }
   }
+  // Where a bend begins or ends, the spline cuts the corner that its knots are too far apart for.
+  const auto& q = followed.model.spline.control_m;
+  const std::size_t k = basis.first;
+  const double third_m = (q[k + 3] - q[k] + 3.0 * (q[k + 1] - q[k + 2])).norm();
+  covariance.diagonal().array() += kCornerCut * kCornerCut * third_m * third_m;
   const Eigen::Vector3d along = derivative_at(followed.model.spline, t).normalized();
   Eigen::Matrix<double, 3, 2> across;
   across.col(0) = along.unitOrthogonal();
