@@ -16,8 +16,8 @@ constexpr double kForgetLost_s = 1.0;
 constexpr double kForgetHidden_s = 3.0;
 constexpr int kFramesOnTrial = 10;
 constexpr int kFramesBetweenTrials = 8;
-constexpr int kBestStanding = 20;    // ten frames beside a hand do not undo it
-constexpr double kSureTaper = 0.02;  // above this a finger may look like a tube for a frame
+constexpr int kBestStanding = 20;  // ten frames beside a hand do not undo it
+constexpr double kSureTaper = 0.02;
 constexpr double kFastest_m_s = 0.75;
 
 std::vector<Eigen::Vector3d> samples_of(const TubeModel& model, const Extent& extent) {
@@ -144,6 +144,14 @@ void come_back(FollowedTube& tube, FoundTube found, const HeightMap& map, const 
   }
 }
 
+/// Can one frame tell it from a finger or a forearm? Of these a short piece shows little taper, or turns at a joint.
+bool sure_at_once(const FoundTube& found) {
+  const Evidence& e = found.evidence;
+  const double length_radii = e.length_m / found.model.radius_m;
+  const bool turns = length_radii < 4.0 && e.min_bend_radii < 6.0 && length_radii / e.min_bend_radii > 0.56;
+  return e.taper_sigma < kSureTaper && !turns;
+}
+
 }  // namespace
 
 void take_in(KnownTubes& known, std::vector<FoundTube> found, const HeightMap& map, const TrackerConfig& config,
@@ -164,7 +172,7 @@ void take_in(KnownTubes& known, std::vector<FoundTube> found, const HeightMap& m
       const FoundTube whole = as_found(fresh, map, config);
       if (why_no_tube(whole, config)) continue;
       ++known.next_id;
-      fresh.confirmed = known.first_frame && whole.evidence.taper_sigma < kSureTaper;
+      fresh.confirmed = known.first_frame && sure_at_once(whole);
       fresh.standing = fresh.confirmed ? 2 : 0;
       known.tubes.push_back(std::move(fresh));
     }
