@@ -61,15 +61,23 @@ double metres_of(std::optional<ScanUnit> unit, double otherwise) {
   return *unit == ScanUnit::metre ? 1.0 : kMetresPerMillimetre;
 }
 
-void refuse_bad_corners(const RawSurface& raw) {
+constexpr double kFarthest_m = 1e9;
+
+/// Points of a cloud may be NaN (no return); a mesh's corners may not. Nothing may lie where squares lose their digits.
+void refuse_bad_points(const RawSurface& raw, double metres_per_unit) {
+  const auto refuse = [](std::string_view where, std::size_t i, const Eigen::Vector3d& point, std::string_view takes) {
+    throw ScanRefusal{
+        fmt::format("{}point {} (counted from 0) is ({:g}, {:g}, {:g}), takes {}; repair or export it again", where, i,
+                    point.x(), point.y(), point.z(), takes)};
+  };
+  for (std::size_t i = 0; i < raw.points.size(); ++i) {
+    const double farthest = raw.points[i].cwiseAbs().maxCoeff<Eigen::PropagateNumbers>() * metres_per_unit;
+    if (std::isfinite(farthest) && farthest > kFarthest_m) refuse("", i, raw.points[i], "coordinates below 1e9 m");
+  }
   for (std::size_t i = 0; i < raw.faces.size(); ++i) {
     for (const std::uint32_t corner : raw.faces[i]) {
-      const Eigen::Vector3d& point = raw.points[corner];
-      if (point.allFinite()) continue;
-      throw ScanRefusal{
-          fmt::format("triangle {}: its point {} (both counted from 0) is ({:g}, {:g}, {:g}), takes finite "
-                      "numbers; repair or export it again",
-                      i, corner, point.x(), point.y(), point.z())};
+      if (!raw.points[corner].allFinite())
+        refuse(fmt::format("triangle {}: its ", i), corner, raw.points[corner], "finite numbers");
     }
   }
 }
@@ -102,10 +110,10 @@ void note_unlikely_size(Scan& scan, bool unit_given) {
 
 Scan scan_of_surface(RawSurface raw, const ScanOptions& options) {
   if (raw.points.empty()) throw ScanRefusal{"has no points; copy or export it again"};
-  refuse_bad_corners(raw);
   Scan scan;
   scan.kind = raw.faces.empty() ? ScanKind::cloud : ScanKind::mesh;
   scan.metres_per_unit = metres_of(options.unit, kMetresPerMillimetre);
+  refuse_bad_points(raw, scan.metres_per_unit);
   scan.notes = std::move(raw.notes);
   scan.points_m = std::move(raw.points);
   scan.faces = std::move(raw.faces);

@@ -99,7 +99,7 @@ void place_by_quaternion(const Header& header, VoxelGrid& grid) {
   }
 }
 
-void place_grid(const Header& header, RawVolume& volume) {
+void place_grid(const Header& header, const ScanOptions& options, RawVolume& volume) {
   VoxelGrid& grid = volume.grid;
   if (header.short_at(kSformCode) > 0) {
     for (int row = 0; row < 3; ++row) {
@@ -118,9 +118,9 @@ void place_grid(const Header& header, RawVolume& volume) {
   if (!grid.origin_m.allFinite()) throw ScanRefusal{"sform or qform: the offset is not finite; correct the header"};
   constexpr int kMetre = 1, kMillimetre = 2, kMicrometre = 3;
   const int unit = header.byte_at(kUnits) & 7;
-  if (unit == kMetre) volume.metres_per_unit = 1.0;
-  if (unit == kMillimetre) volume.metres_per_unit = 1e-3;
-  if (unit == kMicrometre) volume.metres_per_unit = 1e-6;
+  volume.metres_per_unit = unit == kMetre ? 1.0 : unit == kMicrometre ? 1e-6 : 1e-3;
+  if (unit != kMetre && unit != kMillimetre && unit != kMicrometre && !options.unit && !options.cell_size_m)
+    volume.notes.emplace_back("the header has no unit: millimetres assumed; if that is wrong, give --unit");
 }
 
 }  // namespace
@@ -142,7 +142,7 @@ RawVolume read_nifti(const std::filesystem::path& path, const ScanOptions& optio
   if (!(begin >= static_cast<double>(kHeader_bytes) && begin <= kMaxOffset_bytes))
     throw ScanRefusal{fmt::format("vox_offset: got {:g}, takes 348 or more; the header is damaged", begin)};
   RawVolume volume;
-  place_grid(header, volume);
+  place_grid(header, options, volume);
   const double data_bytes = compressed ? -1.0 : static_cast<double>(std::filesystem::file_size(path)) - begin;
   if (!compressed && data_bytes < 0.0)
     throw ScanRefusal{"ends before its voxels; it was cut off: copy or export it again"};

@@ -1,8 +1,8 @@
 #include "tubetrack/replay/scan_surfels.hpp"
 
 #include <Eigen/Geometry>
-#include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "grid_surfels.hpp"
 
@@ -25,21 +25,24 @@ std::size_t longest_edge(const Triangle& triangle, double& length) {
   return longest;
 }
 
+/// An upper bound of the pieces that faces are cut into.
+double pieces_at_most(const Scan& scan, double limit_m) {
+  double count = 0.0;
+  for (const auto& [a, b, c] : scan.faces) {
+    const Triangle triangle{scan.points_m[a], scan.points_m[b], scan.points_m[c]};
+    double longest = 0.0;
+    longest_edge(triangle, longest);
+    const double area = 0.5 * (triangle[1] - triangle[0]).cross(triangle[2] - triangle[0]).norm();
+    count += longest <= limit_m ? 1.0 : 2.0 * longest / limit_m + 8.0 * area / (limit_m * limit_m);
+  }
+  return count;
+}
+
 /// The longest edge that a piece of a face may have: two grid steps, or more where that made too many pieces.
 double piece_limit_m(const Scan& scan, std::size_t max_count) {
   double limit_m = 2.0 * scan.grid_step_m;
-  if (!(limit_m > 0.0)) return std::numeric_limits<double>::infinity();
-  for (double count = std::numeric_limits<double>::infinity(); count > static_cast<double>(max_count); limit_m *= 2.0) {
-    count = 0.0;
-    for (const auto& [a, b, c] : scan.faces) {
-      const Triangle triangle{scan.points_m[a], scan.points_m[b], scan.points_m[c]};
-      double longest = 0.0;
-      longest_edge(triangle, longest);
-      const double area = 0.5 * (triangle[1] - triangle[0]).cross(triangle[2] - triangle[0]).norm();
-      count += longest <= limit_m ? 1.0 : 2.0 * longest / limit_m + 8.0 * area / (limit_m * limit_m);
-    }
-    if (count <= static_cast<double>(max_count) || limit_m > 1e6) return limit_m;
-  }
+  if (!(limit_m > 0.0) || scan.faces.size() >= max_count) return std::numeric_limits<double>::infinity();
+  while (pieces_at_most(scan, limit_m) > static_cast<double>(max_count)) limit_m *= 2.0;
   return limit_m;
 }
 
@@ -99,7 +102,8 @@ std::vector<Surfel> surfels_of(const Scan& scan, const ScanSurfelOptions& option
   pattern.sigma_m = static_cast<float>(kUniformSigma * scan.grid_step_m);
   pattern.radius_min_m = static_cast<float>(options.radius_min_m);
   pattern.radius_max_m = static_cast<float>(options.radius_max_m);
-  const double radius_m = options.normal_radius_m > 0.0 ? options.normal_radius_m : 3.0 * scan.grid_step_m;
+  const double steps = scan.kind == ScanKind::voxels ? 4.0 : 3.0;
+  const double radius_m = options.normal_radius_m > 0.0 ? options.normal_radius_m : steps * scan.grid_step_m;
   std::vector<Surfel> surfels;
   switch (scan.kind) {
     case ScanKind::mesh:

@@ -1,5 +1,6 @@
 #include "vote_side.hpp"
 
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
@@ -11,8 +12,9 @@ namespace {
 
 constexpr std::size_t kMostPoints = 20'000;
 constexpr std::size_t kFewestPoints = 12;
-constexpr int kSteps = 40;             // of a cell each
-constexpr double kLeastExcess = 0.02;  // of one side over the other, relative
+constexpr int kSteps = 40;               // of a cell each
+constexpr double kSmallest_cells = 8.0;  // across; smaller crumbs show noise, not the tube
+constexpr double kLeastExcess = 0.02;    // of one side over the other, relative
 
 /// Cells count from −2^20 to 2^20 − 1 around the first point: 21 bits an axis.
 std::uint64_t cell_key(const Eigen::Vector3d& offset_cells) {
@@ -49,6 +51,9 @@ Side concentrated_side(std::span<const OrientedPoint> points, double spacing_m) 
   // A part of the points is enough, with cells as much larger as those that are left lie farther apart.
   const std::size_t stride = (points.size() + kMostPoints - 1) / kMostPoints;
   const double cell_m = 2.0 * spacing_m * std::sqrt(static_cast<double>(stride));
+  Eigen::AlignedBox3d box;
+  for (const OrientedPoint& point : points) box.extend(point.position_m);
+  if (box.diagonal().norm() < kSmallest_cells * cell_m) return Side::undecided;
   const double along = meetings(points, stride, cell_m, 1.0);
   const double against = meetings(points, stride, cell_m, -1.0);
   const double excess = (along - against) / (along + against);

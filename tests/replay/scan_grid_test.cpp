@@ -153,14 +153,14 @@ TEST(VolumeScan, NormalsOfADigitisedTorusGetBetterWithTheGrid) {
       const DigitalErrors errors = digital_torus(folder / "a.vol", step_mm, radius);
       std::printf("torus 60/12 mm, step %.1f mm, ball of %.0f steps: normals %.2f deg mean, %.1f worst, area %.3f\n",
                   step_mm, radius, errors.mean_deg, errors.worst_deg, errors.area_ratio);
-      if (radius != 3.0) continue;
+      if (radius != 4.0) continue;
       EXPECT_LT(errors.mean_deg, last_deg);
-      EXPECT_LT(errors.worst_deg, 25.0);
-      EXPECT_NEAR(errors.area_ratio, 1.0, 0.03);
+      EXPECT_LT(errors.worst_deg, 8.0);
+      EXPECT_NEAR(errors.area_ratio, 1.0, 0.01);
       last_deg = errors.mean_deg;
     }
   }
-  EXPECT_LT(last_deg, 4.0);
+  EXPECT_LT(last_deg, 1.3);
 }
 
 TEST(VolumeScan, AMirroredGridHasItsNormalsRight) {

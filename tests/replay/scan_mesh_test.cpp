@@ -135,7 +135,9 @@ TEST_P(Orientation, IsPutRight) {
   write_bytes(folder / "a.off", off_text(mesh));
   const Scan scan = scan_of(folder / "a.off");
   EXPECT_EQ(inward_part(scan, piece), 1.0);
-  if (GetParam().part > 0.0) EXPECT_THAT(scan.notes, Contains(HasSubstr("turned over")));
+  if (GetParam().part > 0.0) {
+    EXPECT_THAT(scan.notes, Contains(HasSubstr("turned over")));
+  }
 }
 
 INSTANTIATE_TEST_SUITE_P(Tubes, Orientation,

@@ -10,10 +10,11 @@ namespace tubetrack {
 /// How surfels are made of a scan.
 struct ScanSurfelOptions {
   double radius_min_m = 0.005;  ///< band of every surfel: a scan's surfels are not gated on curvature
-  double radius_max_m = 0.100;  ///< m
-  double normal_radius_m =
-      0.0;  ///< of the ball that a voxel's or height-map cell's normal is taken over; 0: 3 grid steps
-  std::size_t max_count = 20'000'000;  ///< large faces are cut into pieces only as far as this allows
+  double radius_max_m = 0.100;
+  /// Half size of what a voxel's or height-map cell's normal is taken over; at most about the tube's radius. 0: four
+  /// grid steps for voxels, three for height maps.
+  double normal_radius_m = 0.0;
+  std::size_t max_count = 5'000'000;  ///< large faces are cut into pieces only as far as this allows
 };
 
 /// The scan's oriented surface, in its frame; `inward_normal` points into the body, toward a tube's axis, and `cell` is
