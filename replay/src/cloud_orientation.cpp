@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <numeric>
+#include <span>
 
 #include "point_tree.hpp"
 #include "scan_repair.hpp"
@@ -17,6 +18,8 @@ constexpr std::size_t kPlanePoints = 16;     // a normal's own point among them
 constexpr std::size_t kGraphNeighbours = 8;  // whom a point may take its sign from
 constexpr double kMostDisagreement = 0.02;   // of neighbouring normals of a file, that its signs be kept
 constexpr float kDisagree = -0.5F;           // cosine: beyond a fold of 120° it is the sign that is wrong
+
+constexpr std::uint32_t kNone = 0xFFFFFFFFU;
 
 /// An edge of the graph of near points.
 struct Edge {
@@ -49,17 +52,23 @@ bool is_normal(const Eigen::Vector3f& normal) {
   return normal.allFinite() && normal.norm() > 1e-6F;
 }
 
+/// Of each point the nearest others, kGraphNeighbours places a point; kNone where there are fewer.
+using Graph = std::vector<std::uint32_t>;
+
 /// Fills in what is missing: all normals, or those that the file has as zero or NaN. Returns how many.
-std::size_t estimate_missing(Scan& scan, const PointTree& tree) {
+std::size_t estimate_missing(Scan& scan, const PointTree& tree, Graph& graph) {
   scan.normals.resize(scan.points_m.size(), Eigen::Vector3f::Zero());
+  graph.assign(kGraphNeighbours * scan.points_m.size(), kNone);
   std::size_t estimated = 0;
   std::vector<Neighbour> near;
-  for (std::size_t i = 0; i < scan.normals.size(); ++i) {
+  for (const std::uint32_t i : tree.order()) {
+    tree.nearest(scan.points_m[i], kPlanePoints, near);
+    for (std::size_t k = 1; k < near.size() && k <= kGraphNeighbours; ++k)
+      graph[kGraphNeighbours * i + k - 1] = near[k].index;
     if (is_normal(scan.normals[i])) {
       scan.normals[i].normalize();
       continue;
     }
-    tree.nearest(scan.points_m[i], kPlanePoints, near);
     // A lone hole in the file's normals takes the sign of those around it.
     Eigen::Vector3f around = Eigen::Vector3f::Zero();
     for (const Neighbour& one : near) {
@@ -72,17 +81,19 @@ std::size_t estimate_missing(Scan& scan, const PointTree& tree) {
   return estimated;
 }
 
-std::vector<Edge> near_edges(const Scan& scan, const PointTree& tree) {
+std::vector<Edge> near_edges(const Scan& scan, const Graph& graph) {
   std::vector<Edge> edges;
-  edges.reserve(scan.points_m.size() * kGraphNeighbours);
-  std::vector<Neighbour> near;
-  for (std::size_t i = 0; i < scan.points_m.size(); ++i) {
-    const auto a = static_cast<std::uint32_t>(i);
-    tree.nearest(scan.points_m[i], kGraphNeighbours + 1, near);
-    for (const Neighbour& one : near) {
-      if (one.index == a) continue;
-      const float cosine = scan.normals[a].dot(scan.normals[one.index]);
-      edges.push_back({1.0F - std::abs(cosine), std::min(a, one.index), std::max(a, one.index)});
+  edges.reserve(graph.size() * 3 / 4);
+  const auto others = [&](std::uint32_t point) {
+    return std::span(graph).subspan(kGraphNeighbours * point, kGraphNeighbours);
+  };
+  for (std::uint32_t a = 0; a < scan.points_m.size(); ++a) {
+    for (const std::uint32_t b : others(a)) {
+      if (b == kNone) continue;
+      const auto back = others(b);
+      const bool mutual = std::find(back.begin(), back.end(), a) != back.end();
+      if (mutual && b < a) continue;  // taken from the other end
+      edges.push_back({1.0F - std::abs(scan.normals[a].dot(scan.normals[b])), std::min(a, b), std::max(a, b)});
     }
   }
   return edges;
@@ -199,7 +210,8 @@ void clean_cloud(Scan& scan) {
 void orient_cloud(Scan& scan, const std::optional<Eigen::Vector3d>& viewpoint_m, double spacing_m) {
   const PointTree tree(scan.points_m);
   const std::size_t all = scan.points_m.size();
-  const std::size_t estimated = estimate_missing(scan, tree);
+  Graph graph;
+  const std::size_t estimated = estimate_missing(scan, tree, graph);
   if (estimated != 0)
     scan.notes.push_back(
         fmt::format("normals of {} of {} points were estimated from their neighbours", estimated, all));
@@ -210,7 +222,7 @@ void orient_cloud(Scan& scan, const std::optional<Eigen::Vector3d>& viewpoint_m,
     }
     return;
   }
-  std::vector<Edge> edges = near_edges(scan, tree);
+  std::vector<Edge> edges = near_edges(scan, graph);
   const double disagreeing = estimated == all ? 1.0 : disagreement(scan, edges);
   std::vector<std::vector<std::uint32_t>> groups;
   if (disagreeing > kMostDisagreement) {

@@ -38,6 +38,10 @@ PointTree::PointTree(std::span<const Eigen::Vector3d> points) : tree_(std::make_
 
 PointTree::~PointTree() = default;
 
+std::span<const std::uint32_t> PointTree::order() const {
+  return tree_->index.vAcc;
+}
+
 void PointTree::nearest(const Eigen::Vector3d& point, std::size_t count, std::vector<Neighbour>& result) const {
   tree_->indices.resize(count);
   tree_->distances.resize(count);

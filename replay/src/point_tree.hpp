@@ -21,6 +21,10 @@ class PointTree {
   PointTree(const PointTree&) = delete;
   PointTree& operator=(const PointTree&) = delete;
 
+  /// All points in the tree's own order: near points come soon after each other. Searching in this order spares the
+  /// cache: with half a million points in no order, half of the time.
+  std::span<const std::uint32_t> order() const;
+
   /// The `count` nearest points, nearest first, the point itself included where it is one of them; fewer when there are
   /// no more.
   void nearest(const Eigen::Vector3d& point, std::size_t count, std::vector<Neighbour>& result) const;

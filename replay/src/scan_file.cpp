@@ -148,8 +148,7 @@ Scan scan_of_volume(RawVolume raw, const ScanOptions& options) {
   scan.notes = std::move(raw.notes);
   scan.voxels = std::move(raw.grid);
   VoxelGrid& grid = scan.voxels;
-  const bool in_voxels = options.unit == ScanUnit::voxel || !raw.metres_per_unit;
-  if (options.cell_size_m || in_voxels) {
+  if (options.cell_size_m || options.unit == ScanUnit::voxel || !raw.metres_per_unit) {
     const double edge_m = options.cell_size_m.value_or(kMetresPerMillimetre);
     scan.metres_per_unit = edge_m;
     grid.origin_m.setZero();
@@ -158,7 +157,7 @@ Scan scan_of_volume(RawVolume raw, const ScanOptions& options) {
     if (!options.cell_size_m && options.unit != ScanUnit::voxel)
       scan.notes.emplace_back("the header has no voxel size: 1 mm assumed; if that is wrong, give --cell-size");
   } else {
-    scan.metres_per_unit = metres_of(options.unit, *raw.metres_per_unit);
+    scan.metres_per_unit = metres_of(options.unit, raw.metres_per_unit.value_or(kMetresPerMillimetre));
     grid.origin_m *= scan.metres_per_unit;
     grid.axes_m *= scan.metres_per_unit;
   }
@@ -192,7 +191,7 @@ Scan read_any(const std::filesystem::path& path, const ScanOptions& options) {
     Scan scan;
     scan.kind = ScanKind::height_map;
     scan.heights = read_height_image(path, options);
-    scan.metres_per_unit = *options.height_scale_m;
+    scan.metres_per_unit = options.height_scale_m.value_or(0.0);  // read_height_image takes no image without
     scan.grid_step_m = default_grid_step_m(scan);
     return scan;
   }

@@ -13,7 +13,7 @@ namespace {
 constexpr std::size_t kMostPoints = 20'000;
 constexpr std::size_t kFewestPoints = 12;
 constexpr int kSteps = 40;               // of a cell each
-constexpr double kSmallest_cells = 8.0;  // across; smaller crumbs show noise, not the tube
+constexpr double kSmallest_cells = 4.0;  // across; smaller crumbs show noise, not the tube
 constexpr double kLeastExcess = 0.02;    // of one side over the other, relative
 
 /// Cells count from −2^20 to 2^20 − 1 around the first point: 21 bits an axis.
