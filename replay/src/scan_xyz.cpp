@@ -78,6 +78,8 @@ class NormalColumns {
 }  // namespace
 
 RawSurface read_xyz(std::string_view bytes) {
+  constexpr std::string_view kByteOrderMark = "\xEF\xBB\xBF";  // of some editors; else the first point were a heading
+  if (bytes.starts_with(kByteOrderMark)) bytes.remove_prefix(kByteOrderMark.size());
   TextCursor text(bytes);
   RawSurface surface;
   NormalColumns normals;

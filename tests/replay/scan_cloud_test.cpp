@@ -82,7 +82,7 @@ TEST(CloudScan, EveryFormatGivesTheSamePoints) {
   const TemporaryFolder folder;
   const TorusPiece piece;
   const Points points = torus_points(piece, 5000, 0.0, 1);
-  write_bytes(folder / "a.xyz", xyz_text(points));
+  write_bytes(folder / "a.xyz", "\xEF\xBB\xBF" + xyz_text(points));
   std::string text = "//X Y Z\n5000\n";
   for (const auto& p : points) text += fmt::format("{:.9f};{:.9f};{:.9f}\r\n", p.x(), p.y(), p.z());
   write_bytes(folder / "semicolons.txt", text);
