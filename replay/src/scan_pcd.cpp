@@ -185,7 +185,7 @@ void read_records(std::string_view bytes, const Header& header, bool compressed,
 
 std::string decompressed(std::string_view bytes, double expected_bytes) {
   if (bytes.size() < 8) throw ScanRefusal{"ends before its compressed points; it was cut off: copy or export it again"};
-  const double packed = load_number(bytes.data(), NumberType::uint32, kSwapped);
+  const double packed = load_number(&bytes.front(), NumberType::uint32, kSwapped);
   const double unpacked = load_number(bytes.data() + 4, NumberType::uint32, kSwapped);
   require_room("compressed bytes", packed, 1.0, static_cast<double>(bytes.size() - 8));
   if (unpacked != expected_bytes) {

@@ -131,7 +131,7 @@ class Numbers {
     const std::size_t size = size_of(type);
     if (bytes_.size() < size) cut_off();
     const bool little = encoding_ == Encoding::little_endian;
-    const double value = load_number(bytes_.data(), type, little != (std::endian::native == std::endian::little));
+    const double value = load_number(&bytes_.front(), type, little != (std::endian::native == std::endian::little));
     bytes_.remove_prefix(size);
     return value;
   }
