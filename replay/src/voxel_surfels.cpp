@@ -17,14 +17,13 @@ struct FaceShape {
 
 std::array<FaceShape, 6> face_shapes(const Eigen::Matrix3d& axes_m) {
   std::array<FaceShape, 6> shapes;
+  std::size_t next = 0;
   for (int axis = 0; axis < 3; ++axis) {
     const Eigen::Vector3d way_m = axes_m.col(axis);
     Eigen::Vector3d area_m2 = axes_m.col((axis + 1) % 3).cross(axes_m.col((axis + 2) % 3));
     if (area_m2.dot(way_m) < 0.0) area_m2 = -area_m2;  // the axes may be left-handed
-    for (const int sign : {-1, 1}) {
-      shapes[static_cast<std::size_t>(2 * axis + (sign + 1) / 2)] = {sign * Eigen::Vector3i::Unit(axis),
-                                                                     0.5 * sign * way_m, sign * area_m2};
-    }
+    for (const int sign : {-1, 1})
+      shapes[next++] = {sign * Eigen::Vector3i::Unit(axis), 0.5 * sign * way_m, sign * area_m2};
   }
   return shapes;
 }
