@@ -4,8 +4,8 @@
 # What the library, the command and the demo need.
 core_packages=(
   cmake g++ ninja-build pkg-config
-  libcli11-dev libeigen3-dev libexpected-dev libfmt-dev libhwy-dev libyaml-cpp-dev
-  nlohmann-json3-dev
+  libcli11-dev libeigen3-dev libexpected-dev libfmt-dev libhwy-dev liblzf-dev libnanoflann-dev
+  libyaml-cpp-dev nlohmann-json3-dev zlib1g-dev
   libopencv-core-dev libopencv-imgcodecs-dev libopencv-imgproc-dev
 )
 # Live back-ends, and what the tests use besides.

@@ -1,0 +1,33 @@
+#pragma once
+
+#include <vector>
+
+#include "tubetrack/heightmap/surfel.hpp"
+#include "tubetrack/replay/scan_file.hpp"
+
+namespace tubetrack {
+
+/// A face between a voxel of the body and one that is not.
+struct BoundaryFace {
+  Eigen::Vector3d center_m;
+  Eigen::Vector3d outward_area_m2;  ///< along the face's normal, as long as its area
+};
+
+/// In the order of their voxels. What lies outside the grid is not known, so the grid's border makes no faces.
+std::vector<BoundaryFace> boundary_faces(const VoxelGrid& grid);
+
+/// Unit outward normals of the faces: the faces' own, averaged over a ball with Gaussian weights (σ half the radius),
+/// which is the gradient of the smoothed body. The place for another estimator with the same radius, such as the
+/// digital Voronoi covariance measure that the paper uses (section 3).
+std::vector<Eigen::Vector3f> smoothed_normals(const std::vector<BoundaryFace>& faces, double radius_m);
+
+/// A surfel a boundary face; `pattern` has what all surfels share. Its weight is the face's area as the surface runs
+/// through it: the faces of a slanted surface are more than its area.
+void add_voxel_surfels(const VoxelGrid& grid, const Surfel& pattern, double radius_m, std::vector<Surfel>& surfels);
+
+/// A surfel a cell: least-squares planes over the square of ± radius_m around it. Neighbours that rise more steeply
+/// than 75° from the cell are on the far side of an edge and left out; cells with fewer than half of their neighbours
+/// have no surfel.
+void add_height_surfels(const HeightGrid& grid, const Surfel& pattern, double radius_m, std::vector<Surfel>& surfels);
+
+}  // namespace tubetrack

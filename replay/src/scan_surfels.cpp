@@ -1,0 +1,125 @@
+#include "tubetrack/replay/scan_surfels.hpp"
+
+#include <Eigen/Geometry>
+#include <cmath>
+#include <limits>
+
+#include "grid_surfels.hpp"
+
+namespace tubetrack {
+
+namespace {
+
+using Triangle = std::array<Eigen::Vector3d, 3>;
+
+/// The corner from which the longest edge runs to the next one.
+std::size_t longest_edge(const Triangle& triangle, double& length) {
+  std::size_t longest = 0;
+  length = 0.0;
+  for (std::size_t k = 0; k < 3; ++k) {
+    const double edge = (triangle[(k + 1) % 3] - triangle[k]).norm();
+    if (edge <= length) continue;
+    length = edge;
+    longest = k;
+  }
+  return longest;
+}
+
+/// An upper bound of the pieces that faces are cut into.
+double pieces_at_most(const Scan& scan, double limit_m) {
+  double count = 0.0;
+  for (const auto& [a, b, c] : scan.faces) {
+    const Triangle triangle{scan.points_m[a], scan.points_m[b], scan.points_m[c]};
+    double longest = 0.0;
+    longest_edge(triangle, longest);
+    const double area = 0.5 * (triangle[1] - triangle[0]).cross(triangle[2] - triangle[0]).norm();
+    count += longest <= limit_m ? 1.0 : 2.0 * longest / limit_m + 8.0 * area / (limit_m * limit_m);
+  }
+  return count;
+}
+
+/// The longest edge that a piece of a face may have: two grid steps, or more where that made too many pieces.
+double piece_limit_m(const Scan& scan, std::size_t max_count) {
+  double limit_m = 2.0 * scan.grid_step_m;
+  if (!(limit_m > 0.0) || scan.faces.size() >= max_count) return std::numeric_limits<double>::infinity();
+  while (pieces_at_most(scan, limit_m) > static_cast<double>(max_count)) limit_m *= 2.0;
+  return limit_m;
+}
+
+/// Cuts across the longest edge until no piece has one above the limit.
+void add_pieces(const Triangle& whole, double limit_m, Surfel surfel, double step_area, std::vector<Surfel>& surfels) {
+  std::vector<Triangle> pieces{whole};
+  while (!pieces.empty()) {
+    const Triangle piece = pieces.back();
+    pieces.pop_back();
+    double length = 0.0;
+    const std::size_t k = longest_edge(piece, length);
+    if (length > limit_m) {
+      const Eigen::Vector3d &from = piece[k], &to = piece[(k + 1) % 3], &apex = piece[(k + 2) % 3];
+      const Eigen::Vector3d middle = 0.5 * (from + to);
+      pieces.push_back({from, middle, apex});
+      pieces.push_back({middle, to, apex});
+      continue;
+    }
+    const double area = 0.5 * (piece[1] - piece[0]).cross(piece[2] - piece[0]).norm();
+    surfel.position_m = ((piece[0] + piece[1] + piece[2]) / 3.0).cast<float>();
+    surfel.weight = static_cast<float>(area / step_area);
+    surfels.push_back(surfel);
+  }
+}
+
+void add_mesh(const Scan& scan, const Surfel& pattern, std::size_t max_count, std::vector<Surfel>& surfels) {
+  const double limit_m = piece_limit_m(scan, max_count);
+  const double step_area = scan.grid_step_m * scan.grid_step_m;
+  surfels.reserve(scan.faces.size());
+  for (std::size_t i = 0; i < scan.faces.size(); ++i) {
+    const auto& [a, b, c] = scan.faces[i];
+    const Triangle triangle{scan.points_m[a], scan.points_m[b], scan.points_m[c]};
+    Surfel surfel = pattern;
+    // Paper, section 3: the cross product of face edges.
+    surfel.inward_normal = -(triangle[1] - triangle[0]).cross(triangle[2] - triangle[0]).normalized().cast<float>();
+    surfel.cell = static_cast<std::uint32_t>(i);
+    add_pieces(triangle, limit_m, surfel, step_area, surfels);
+  }
+}
+
+void add_cloud(const Scan& scan, const Surfel& pattern, std::vector<Surfel>& surfels) {
+  surfels.reserve(scan.points_m.size());
+  for (std::size_t i = 0; i < scan.points_m.size(); ++i) {
+    Surfel surfel = pattern;
+    surfel.position_m = scan.points_m[i].cast<float>();
+    surfel.inward_normal = -scan.normals[i];
+    surfel.cell = static_cast<std::uint32_t>(i);
+    surfels.push_back(surfel);
+  }
+}
+
+}  // namespace
+
+std::vector<Surfel> surfels_of(const Scan& scan, const ScanSurfelOptions& options) {
+  constexpr double kUniformSigma = 0.288675;  // of a position rounded to 1: 1/√12
+  Surfel pattern;
+  pattern.sigma_m = static_cast<float>(kUniformSigma * scan.grid_step_m);
+  pattern.radius_min_m = static_cast<float>(options.radius_min_m);
+  pattern.radius_max_m = static_cast<float>(options.radius_max_m);
+  const double steps = scan.kind == ScanKind::voxels ? 4.0 : 3.0;
+  const double radius_m = options.normal_radius_m > 0.0 ? options.normal_radius_m : steps * scan.grid_step_m;
+  std::vector<Surfel> surfels;
+  switch (scan.kind) {
+    case ScanKind::mesh:
+      add_mesh(scan, pattern, options.max_count, surfels);
+      break;
+    case ScanKind::cloud:
+      add_cloud(scan, pattern, surfels);
+      break;
+    case ScanKind::voxels:
+      add_voxel_surfels(scan.voxels, pattern, radius_m, surfels);
+      break;
+    case ScanKind::height_map:
+      add_height_surfels(scan.heights, pattern, radius_m, surfels);
+      break;
+  }
+  return surfels;
+}
+
+}  // namespace tubetrack
