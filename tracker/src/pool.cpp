@@ -1,0 +1,115 @@
+#include "pool.hpp"
+
+#include <algorithm>
+
+#include "drift.hpp"
+#include "motion.hpp"
+
+namespace tubetrack {
+
+namespace {
+
+constexpr int kMaxPooledFrames = 60;  // what is older fades
+
+/// What was pooled, as if everything in it lay elsewhere.
+void carry_pool(FollowedTube& tube, const Twist& by) {
+  Eigen::Matrix<double, 7, 1> change;
+  change << by.shift_m, by.turn_rad, 0.0;
+  tube.pooled.vector += tube.pooled.matrix * (by_motion(tube.model) * change);
+}
+
+}  // namespace
+
+Information no_information(const TubeModel& model) {
+  const auto size = static_cast<Eigen::Index>(3 * model.spline.control_m.size() + 1);
+  return {Eigen::MatrixXd::Zero(size, size), Eigen::VectorXd::Zero(size)};
+}
+
+Information radius_only(const FollowedTube& tube) {
+  Information information = no_information(tube.model);
+  const Eigen::Index last = information.vector.size() - 1;
+  information.matrix(last, last) = tube.radius_information;
+  information.vector[last] = tube.radius_information * tube.model.radius_m;
+  return information;
+}
+
+void start_pool(FollowedTube& tube) {
+  tube.at_rest = true;
+  tube.velocity = {};
+  tube.frames_pooled = 0;
+  tube.pooled_age_s = 0.0;
+  tube.pooled = radius_only(tube);
+  start_drift(tube.drift, tube.model);
+}
+
+void add_to_pool(FollowedTube& tube) {
+  const double doubt = std::max(1.0, tube.quality.chi2_per_observation);
+  if (++tube.frames_pooled > kMaxPooledFrames) {
+    constexpr double kFactor = 1.0 - 1.0 / kMaxPooledFrames;
+    tube.pooled.matrix *= kFactor;
+    tube.pooled.vector *= kFactor;
+    fade(tube.drift, kFactor);
+  }
+  const Information observed{tube.quality.observed.matrix / doubt, tube.quality.observed.vector / doubt};
+  tube.pooled.matrix += observed.matrix;
+  tube.pooled.vector += observed.vector;
+  tube.pooled_age_s *= 1.0 - 1.0 / std::min(tube.frames_pooled, kMaxPooledFrames);
+  add_frame(tube.drift, observed);
+}
+
+void creep_on(FollowedTube& tube, double elapsed_s) {
+  const Twist by = Twist{tube.velocity.shift_m_s, tube.velocity.turn_rad_s} * elapsed_s;
+  carry_pool(tube, by);
+  move(tube.model, by);
+  move(tube.drift.anchor, by);
+  age(tube.drift, elapsed_s);
+  tube.pooled_age_s += elapsed_s;
+}
+
+void judge_creep(FollowedTube& tube) {
+  const Twist velocity{tube.velocity.shift_m_s, tube.velocity.turn_rad_s};
+  const VelocityChange found = judge_velocity(tube.drift, velocity);
+  recarry(tube.drift, found.change_per_s);
+  tube.velocity.shift_m_s += found.change_per_s.shift_m;
+  tube.velocity.turn_rad_s += found.change_per_s.turn_rad;
+  const Twist by = found.change_per_s * tube.pooled_age_s;
+  carry_pool(tube, by);
+  move(tube.model, by);
+  const Eigen::MatrixXd jacobian = by_motion(tube.model).leftCols<6>();
+  tube.quality.covariance += jacobian * found.added_covariance * jacobian.transpose();
+}
+
+void transform(FollowedTube& tube, const Eigen::Isometry3d& new_from_old) {
+  const auto move_model = [&](TubeModel& model) {
+    for (Eigen::Vector3d& control : model.spline.control_m) control = new_from_old * control;
+  };
+  move_model(tube.model);
+  move_model(tube.anchor);
+  move_model(tube.drift.anchor);
+  const Eigen::Matrix3d rotation = new_from_old.linear();
+  const auto turn_blocks = [&](Eigen::MatrixXd& matrix) {
+    for (Eigen::Index k = 0; k + 3 <= matrix.rows(); k += 3) {
+      matrix.middleRows<3>(k) = rotation * Eigen::MatrixXd(matrix.middleRows<3>(k));
+    }
+    for (Eigen::Index k = 0; k + 3 <= matrix.cols(); k += 3) {
+      matrix.middleCols<3>(k) = Eigen::MatrixXd(matrix.middleCols<3>(k)) * rotation.transpose();
+    }
+  };
+  const auto carry = [&](Information& information) {
+    turn_blocks(information.matrix);
+    Eigen::VectorXd shift = Eigen::VectorXd::Zero(information.vector.size());
+    for (Eigen::Index k = 0; k + 3 <= shift.size(); k += 3) {
+      information.vector.segment<3>(k) = rotation * Eigen::Vector3d(information.vector.segment<3>(k));
+      shift.segment<3>(k) = new_from_old.translation();
+    }
+    information.vector += information.matrix * shift;
+  };
+  carry(tube.pooled);
+  carry(tube.quality.observed);
+  turn_blocks(tube.quality.covariance);
+  turn(tube.drift, rotation);
+  tube.velocity.shift_m_s = rotation * tube.velocity.shift_m_s;
+  tube.velocity.turn_rad_s = rotation * tube.velocity.turn_rad_s;
+}
+
+}  // namespace tubetrack
