@@ -1,0 +1,49 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <optional>
+#include <span>
+#include <vector>
+
+#include "tubetrack/tracker/part_chain.hpp"
+#include "tubetrack/tracker/tube.hpp"
+
+namespace tubetrack {
+
+/// A centreline as it was measured: nodes in order, in any one frame.
+struct MeasuredCenterline {
+  std::span<const Eigen::Vector3d> nodes_m;
+  std::span<const Eigen::Matrix3d> covariance_m2;  ///< one a node
+  double radius_m = 0.0;                           ///< of the tube: the scale of what counts as a bend
+  double correlation_m = 0.0;  ///< nodes this far apart err independently; 0: all do. A fitted line: correlation_of
+};
+
+/// Of a centreline that fit_tube made: two spacings of its knots.
+double correlation_of(double radius_m);
+
+/// Bends and straights with their uncertainty: σ of each bend's numbers (NaN never), and of the closing length.
+struct BendSigma {
+  double straight_m = 0.0;
+  double rotation_rad = 0.0;
+  double angle_rad = 0.0;
+  double radius_m = 0.0;
+};
+struct FittedChain {
+  PartChain chain;
+  std::vector<BendSigma> sigma;  ///< one a bend
+  double closing_sigma_m = 0.0;
+};
+
+/// A centreline cut into its parts.
+struct CenterlineParts {
+  std::vector<Segment> segments;     ///< in order and without gaps, along the fitted chain; empty: no parts found
+  std::optional<FittedChain> fitted;  ///< unless a part is `free`, or there are no parts
+};
+
+/// Straight and toric parts of a centreline (paper, section 3): arcs are where the midpoints of the tangent space are
+/// collinear; the parts so found are fitted to the nodes as one tangent-continuous chain, and their number is the one
+/// that explains the nodes best for its parameters (BIC). What is neither straight nor an arc is `free`. Nothing where
+/// fewer than 3 nodes are distinct, where a number is not finite, or where radius or covariances can't be.
+CenterlineParts cut_into_parts(const MeasuredCenterline& line);
+
+}  // namespace tubetrack

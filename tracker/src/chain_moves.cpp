@@ -1,0 +1,75 @@
+#include "chain_moves.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+namespace tubetrack {
+
+namespace {
+
+// Only bends that turn less than this may be noise.
+constexpr double kDoubtfulAngle_rad = 0.2;
+// Only bends nearer to each other than this (or than half of their own length) may be one …
+constexpr double kDoubtfulStraightRadii = 3.0;
+// … whose planes differ by less than this.
+constexpr double kDoubtfulRotation_rad = 0.8;
+
+double wrapped(double angle_rad) {
+  return std::remainder(angle_rad, 2.0 * M_PI);
+}
+
+PartChain without(const PartChain& chain, std::size_t gone) {
+  PartChain simpler = chain;
+  const ChainBend bend = chain.bends[gone];
+  const double length_m = bend.straight_m + bend.radius_m * bend.angle_rad;
+  simpler.bends.erase(simpler.bends.begin() + static_cast<std::ptrdiff_t>(gone));
+  if (gone < simpler.bends.size()) {
+    simpler.bends[gone].straight_m += length_m;
+    simpler.bends[gone].rotation_rad += bend.rotation_rad;
+  } else {
+    simpler.closing_m += length_m;
+  }
+  return simpler;
+}
+
+/// Bend `first` and the next as one: of their length, turning by the sum of their turns.
+PartChain merged(const PartChain& chain, std::size_t first) {
+  PartChain simpler = chain;
+  ChainBend& bend = simpler.bends[first];
+  const ChainBend next = chain.bends[first + 1];
+  const double length_m =
+      bend.radius_m * bend.angle_rad + next.straight_m + next.radius_m * next.angle_rad;
+  const double x = bend.angle_rad + next.angle_rad * std::cos(next.rotation_rad);
+  const double y = next.angle_rad * std::sin(next.rotation_rad);
+  const double turn_rad = std::atan2(y, x);
+  bend.angle_rad = std::hypot(x, y);
+  bend.radius_m = length_m / bend.angle_rad;
+  bend.rotation_rad += turn_rad;
+  simpler.bends.erase(simpler.bends.begin() + static_cast<std::ptrdiff_t>(first) + 1);
+  if (first + 1 < simpler.bends.size()) simpler.bends[first + 1].rotation_rad += next.rotation_rad - turn_rad;
+  return simpler;
+}
+
+}  // namespace
+
+std::vector<PartChain> simpler_chains(const PartChain& chain, double tube_radius_m) {
+  std::vector<std::pair<double, PartChain>> found;
+  for (std::size_t i = 0; i < chain.bends.size(); ++i) {
+    const ChainBend& bend = chain.bends[i];
+    if (bend.angle_rad < kDoubtfulAngle_rad) found.emplace_back(bend.angle_rad, without(chain, i));
+    if (i + 1 == chain.bends.size()) break;
+    const ChainBend& next = chain.bends[i + 1];
+    const double bent_m = bend.radius_m * bend.angle_rad + next.radius_m * next.angle_rad;
+    const double rotation_rad = std::abs(wrapped(next.rotation_rad));
+    if (next.straight_m > std::max(kDoubtfulStraightRadii * tube_radius_m, 0.25 * bent_m)) continue;
+    if (rotation_rad > kDoubtfulRotation_rad) continue;
+    found.emplace_back(rotation_rad * std::min(bend.angle_rad, next.angle_rad), merged(chain, i));
+  }
+  std::stable_sort(found.begin(), found.end(), [](const auto& a, const auto& b) { return a.first < b.first; });
+  std::vector<PartChain> chains;
+  for (auto& [doubt, simpler] : found) chains.push_back(std::move(simpler));
+  return chains;
+}
+
+}  // namespace tubetrack
