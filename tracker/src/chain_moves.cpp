@@ -8,11 +8,9 @@ namespace tubetrack {
 
 namespace {
 
-// Only bends that turn less than this may be noise.
-constexpr double kDoubtfulAngle_rad = 0.2;
-// Only bends nearer to each other than this (or than half of their own length) may be one …
-constexpr double kDoubtfulStraightRadii = 3.0;
-// … whose planes differ by less than this.
+// A bend, or what sets two of them apart, may be noise up to so many σ: BIC will tell.
+constexpr double kDoubtfulSigmas = 6.0;
+// Bends whose planes differ by more than this are never one.
 constexpr double kDoubtfulRotation_rad = 0.8;
 
 double wrapped(double angle_rad) {
@@ -53,18 +51,18 @@ PartChain merged(const PartChain& chain, std::size_t first) {
 
 }  // namespace
 
-std::vector<PartChain> simpler_chains(const PartChain& chain, double tube_radius_m) {
+std::vector<PartChain> simpler_chains(const FittedChain& fitted) {
+  const PartChain& chain = fitted.chain;
   std::vector<std::pair<double, PartChain>> found;
   for (std::size_t i = 0; i < chain.bends.size(); ++i) {
-    const ChainBend& bend = chain.bends[i];
-    if (bend.angle_rad < kDoubtfulAngle_rad) found.emplace_back(bend.angle_rad, without(chain, i));
+    const double sigmas = chain.bends[i].angle_rad / fitted.sigma[i].angle_rad;
+    if (!(sigmas > kDoubtfulSigmas)) found.emplace_back(sigmas, without(chain, i));
     if (i + 1 == chain.bends.size()) break;
     const ChainBend& next = chain.bends[i + 1];
-    const double bent_m = bend.radius_m * bend.angle_rad + next.radius_m * next.angle_rad;
     const double rotation_rad = std::abs(wrapped(next.rotation_rad));
-    if (next.straight_m > std::max(kDoubtfulStraightRadii * tube_radius_m, 0.25 * bent_m)) continue;
-    if (rotation_rad > kDoubtfulRotation_rad) continue;
-    found.emplace_back(rotation_rad * std::min(bend.angle_rad, next.angle_rad), merged(chain, i));
+    const double apart = std::max(next.straight_m / fitted.sigma[i + 1].straight_m,
+                                  rotation_rad / fitted.sigma[i + 1].rotation_rad);
+    if (!(apart > kDoubtfulSigmas) && rotation_rad < kDoubtfulRotation_rad) found.emplace_back(apart, merged(chain, i));
   }
   std::stable_sort(found.begin(), found.end(), [](const auto& a, const auto& b) { return a.first < b.first; });
   std::vector<PartChain> chains;

@@ -38,18 +38,21 @@ std::optional<CleanLine> cleaned(const MeasuredCenterline& line) {
   return clean;
 }
 
-ChainFit improve(ChainFit fit, const MeasuredCenterline& line) {
+/// The chain with its number of bends brought down as long as that is worth it.
+FittedChain simplified(ChainFit fit, const MeasuredCenterline& line) {
+  FittedChain fitted = with_uncertainty(fit, line);
   for (bool better = true; better;) {
     better = false;
-    for (const PartChain& simpler : simpler_chains(fit.chain, line.radius_m)) {
+    for (const PartChain& simpler : simpler_chains(fitted)) {
       ChainFit other = fit_chain(simpler, line, kFitSteps);
       if (!(other.cost < fit.cost)) continue;
       fit = std::move(other);
+      fitted = with_uncertainty(fit, line);
       better = true;
       break;
     }
   }
-  return fit;
+  return fitted;
 }
 
 std::vector<Segment> segments_of(const PartChain& chain) {
@@ -78,8 +81,8 @@ CenterlineParts cut_into_parts(const MeasuredCenterline& measured) {
   if (guess.bends.size() > kMaxBends) {
     return {{{Segment::Type::free, 0.0, length_of(guess), 0.0, 0.0}}, std::nullopt};
   }
-  const ChainFit fit = improve(fit_chain(guess, line, kFitSteps), line);
-  return {segments_of(fit.chain), with_uncertainty(fit, line)};
+  const FittedChain fitted = simplified(fit_chain(guess, line, kFitSteps), line);
+  return {segments_of(fitted.chain), fitted};
 }
 
 }  // namespace tubetrack

@@ -2,6 +2,7 @@
 
 #include <Eigen/Geometry>
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 
@@ -11,11 +12,11 @@ namespace {
 
 // A tangent is the slope of the nodes within this many radii to either side.
 constexpr double kHalfWindowRadii = 0.75;
-// Angles are not trusted farther than nodes this far off, in radii.
-constexpr double kFloorRadii = 0.01;
+// Angles are not trusted farther than nodes this far off, in radii: the window rounds off where a bend begins.
+constexpr double kFloorRadii = 0.02;
 // What a further piece costs, in χ²: its numbers and its place.
 constexpr double kStraightCost = 8.0;
-constexpr double kArcCost = 12.0;
+constexpr double kArcCost = 18.0;
 constexpr std::size_t kMaxSamples = 160;  // the cut costs their number squared
 constexpr double kLeastRadius = 1.0;      // of a bend's centreline, in tube radii
 
