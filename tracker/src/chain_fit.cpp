@@ -15,6 +15,9 @@ namespace {
 // A step may not go farther: rad, or by this factor's logarithm.
 constexpr double kLargestStep = 0.5;
 constexpr double kLeastAngle_rad = 0.004;
+constexpr double kFirstDamping = 1e-4;
+// One step may make χ² worse, by this factor at most.
+constexpr double kStray = 100.0;
 
 std::vector<double> lengths_along(const MeasuredCenterline& line) {
   std::vector<double> along_m(1, 0.0);
@@ -47,26 +50,59 @@ void move(PartChain& chain, const Eigen::VectorXd& step) {
   }
 }
 
-/// Takes a straight of length 0 that would become negative out of the equations, and what no node decides on.
-int hold_fixed(const PartChain& chain, Eigen::MatrixXd& normal, Eigen::VectorXd& gradient) {
-  const double least = 1e-12 * normal.diagonal().maxCoeff();
-  int free = 0;
-  for (Eigen::Index k = 0; k < normal.rows(); ++k) {
-    const Eigen::Index in_bend = k - kStartParameters;
-    const bool straight = in_bend >= 0 && in_bend % kBendParameters == 0;
-    const bool at_zero = straight &&
-                         chain.bends[static_cast<std::size_t>(in_bend / kBendParameters)].straight_m == 0.0 &&
-                         gradient[k] <= 0.0;
-    if (!at_zero && normal(k, k) > least) {
-      ++free;
-      continue;
-    }
+/// The equations of one step.
+struct Equations {
+  Eigen::MatrixXd normal;
+  Eigen::VectorXd gradient;
+
+  /// Gives a parameter a step of its own, and the others theirs beside it.
+  void pin(Eigen::Index k, double step) {
+    gradient -= step * normal.col(k);
     normal.row(k).setZero();
     normal.col(k).setZero();
     normal(k, k) = 1.0;
-    gradient[k] = 0.0;
+    gradient[k] = step;
+  }
+};
+
+/// Of a fit, with what no node decides on held, and the straights of length 0 that would become negative. Returns how
+/// many parameters are free.
+int set_up(const ChainFit& fit, Equations& equations) {
+  equations.normal.noalias() = fit.jacobian.transpose() * fit.jacobian;
+  equations.gradient.noalias() = fit.jacobian.transpose() * fit.residual;
+  const double least = 1e-12 * equations.normal.diagonal().maxCoeff();
+  int free = 0;
+  const auto hold = [&](Eigen::Index k, bool held) {
+    if (held || !(equations.normal(k, k) > least)) {
+      equations.pin(k, 0.0);
+    } else {
+      ++free;
+    }
+  };
+  for (Eigen::Index k = 0; k < kStartParameters; ++k) hold(k, false);
+  for (std::size_t i = 0; i < fit.chain.bends.size(); ++i) {
+    const Eigen::Index straight = place_of(i, BendParameter::straight);
+    hold(straight, fit.chain.bends[i].straight_m <= 0.0 && equations.gradient[straight] <= 0.0);
+    for (Eigen::Index k = straight + 1; k < straight + kBendParameters; ++k) hold(k, false);
   }
   return free;
+}
+
+/// The step that these equations ask for, with no straight shorter than 0.
+Eigen::VectorXd solve(const PartChain& chain, Equations& equations) {
+  Eigen::VectorXd step = equations.normal.ldlt().solve(equations.gradient);
+  for (std::size_t round = 0; round < chain.bends.size(); ++round) {
+    bool held = false;
+    for (std::size_t i = 0; i < chain.bends.size(); ++i) {
+      const Eigen::Index k = place_of(i, BendParameter::straight);
+      if (chain.bends[i].straight_m + step[k] >= -1e-12) continue;
+      equations.pin(k, -chain.bends[i].straight_m);
+      held = true;
+    }
+    if (!held) break;
+    step = equations.normal.ldlt().solve(equations.gradient);
+  }
+  return step;
 }
 
 /// Lets the chain begin and end at the feet of the first and the last node.
@@ -115,32 +151,41 @@ ChainFit fit_chain(const PartChain& initial, const MeasuredCenterline& line, int
   fit.chain = initial;
   fit.foot_m = lengths_along(line);
   fit.chi2 = evaluate(fit.chain, line, fit.foot_m, fit.residual, fit.jacobian);
-  double damping = 1e-3;
+  ChainFit best = fit;
+  double damping = kFirstDamping;
+  bool strayed = false;
   for (int step = 0; step < max_steps; ++step) {
-    Eigen::MatrixXd normal = fit.jacobian.transpose() * fit.jacobian;
-    Eigen::VectorXd gradient = fit.jacobian.transpose() * fit.residual;
-    hold_fixed(fit.chain, normal, gradient);
-    normal.diagonal() *= 1.0 + damping;
+    Equations equations;
+    set_up(fit, equations);
+    equations.normal.diagonal() *= 1.0 + damping;
     ChainFit next;
     next.chain = fit.chain;
     next.foot_m = fit.foot_m;
-    move(next.chain, normal.ldlt().solve(gradient));
+    move(next.chain, solve(fit.chain, equations));
     next.chi2 = evaluate(next.chain, line, next.foot_m, next.residual, next.jacobian);
-    if (!(next.chi2 < fit.chi2)) {
-      if (damping > 1e3 || next.chi2 - fit.chi2 < 1e-4) break;
-      damping = std::max(1e-2, 10.0 * damping);
-      continue;
+    const double gain = best.chi2 - next.chi2;
+    if (std::abs(gain) < 0.01 + 1e-5 * best.chi2) {
+      if (gain > 0.0) best = std::move(next);
+      break;
     }
-    damping *= 0.1;
-    const bool converged = fit.chi2 - next.chi2 < 0.01 + 1e-4 * next.chi2;
+    if (gain > 0.0) {
+      best = next;
+      damping *= 0.1;
+      strayed = false;
+    } else if (strayed || !(next.chi2 < kStray * best.chi2)) {
+      next = best;
+      damping = std::max(kFirstDamping, 10.0 * damping);
+      strayed = false;
+    } else {
+      strayed = true;  // valleys are bent: the next step may lead back to the ground, farther on
+    }
     fit = std::move(next);
-    if (converged) break;
   }
+  fit = std::move(best);
   trim(fit);
   fit.chi2 = evaluate(fit.chain, line, fit.foot_m, fit.residual, fit.jacobian);
-  Eigen::MatrixXd normal = fit.jacobian.transpose() * fit.jacobian;
-  Eigen::VectorXd gradient = fit.jacobian.transpose() * fit.residual;
-  const int parameters = hold_fixed(fit.chain, normal, gradient);
+  Equations equations;
+  const int parameters = set_up(fit, equations);
   const double independent = independent_nodes(line);
   fit.cost = fit.chi2 * independent / static_cast<double>(line.nodes_m.size()) + parameters * std::log(2.0 * independent);
   return fit;

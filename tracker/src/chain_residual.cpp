@@ -10,6 +10,9 @@ namespace {
 
 // Nodes are not trusted farther than this, in radii: a bender's bends and a sensor's bias are no better.
 constexpr double kFloorRadii = 0.01;
+// Newton steps to a node's foot, and the move, in radii, after which none more is needed.
+constexpr int kFootSteps = 4;
+constexpr double kFootRadii = 0.1;
 
 Carry turn_about(const Eigen::Vector3d& axis, const Eigen::Vector3d& through) {
   return {axis, through.cross(axis), 0.0};
@@ -20,12 +23,17 @@ Carry radius_inside(const PlacedBend& bend, const Eigen::Vector3d& start_m) {
   return {Eigen::Vector3d::Zero(), -(bend.arc_start_m - start_m), 1.0};
 }
 
-/// The place on the chain nearest to a node, by one Newton step from `foot_m`.
+/// The place on the chain nearest to a node, by Newton steps from `foot_m`.
 double nearer_foot(const PlacedChain& placed, const Eigen::Vector3d& node_m, double foot_m, double radius_m) {
-  const ChainPoint point = point_on(placed, foot_m);
-  const Eigen::Vector3d off_m = node_m - point.position_m;
-  const double slope = std::max(0.3, 1.0 - point.curvature_per_m * point.normal.dot(off_m));
-  return foot_m + std::clamp(point.tangent.dot(off_m) / slope, -4.0 * radius_m, 4.0 * radius_m);
+  for (int step = 0; step < kFootSteps; ++step) {
+    const ChainPoint point = point_on(placed, foot_m);
+    const Eigen::Vector3d off_m = node_m - point.position_m;
+    const double slope = std::max(0.3, 1.0 - point.curvature_per_m * point.normal.dot(off_m));
+    const double move_m = std::clamp(point.tangent.dot(off_m) / slope, -4.0 * radius_m, 4.0 * radius_m);
+    foot_m += move_m;
+    if (std::abs(move_m) < kFootRadii * radius_m) break;
+  }
+  return foot_m;
 }
 
 /// The whitened directions' derivatives by all parameters.
