@@ -18,6 +18,9 @@ constexpr double kLeastAngle_rad = 0.004;
 constexpr double kFirstDamping = 1e-4;
 // One step may make χ² worse, by this factor at most.
 constexpr double kStray = 100.0;
+// After these steps, χ² this many times beyond a rival's (and one a node) won't come near it.
+constexpr int kHopelessSteps = 4;
+constexpr double kHopeless = 4.0;
 
 std::vector<double> lengths_along(const MeasuredCenterline& line) {
   std::vector<double> along_m(1, 0.0);
@@ -105,9 +108,13 @@ Eigen::VectorXd solve(const PartChain& chain, Equations& equations) {
   return step;
 }
 
-/// Lets the chain begin and end at the feet of the first and the last node.
+/// Lets the chain begin and end at the feet of the first and the last node, and its first bend go `towards`.
 void trim(ChainFit& fit) {
   PartChain& chain = fit.chain;
+  if (!chain.bends.empty()) {
+    chain.towards = Eigen::AngleAxisd(chain.bends.front().rotation_rad, chain.direction) * chain.towards;
+    chain.bends.front().rotation_rad = 0.0;
+  }
   const double first_m = fit.foot_m.front();
   double& first_straight_m = chain.bends.empty() ? chain.closing_m : chain.bends.front().straight_m;
   if (first_m <= first_straight_m || chain.bends.empty()) {
@@ -136,7 +143,7 @@ void trim(ChainFit& fit) {
 
 }  // namespace
 
-double correlation_of(double radius_m) {
+double correlation_of_fitted(double radius_m) {
   return 2.0 * kKnotSpacingRadii * radius_m;
 }
 
@@ -146,12 +153,14 @@ double independent_nodes(const MeasuredCenterline& line) {
   return std::min(nodes, lengths_along(line).back() / line.correlation_m + 1.0);
 }
 
-ChainFit fit_chain(const PartChain& initial, const MeasuredCenterline& line, int max_steps) {
+ChainFit fit_chain(const PartChain& initial, const MeasuredCenterline& line, int max_steps,
+                   std::optional<double> rival_chi2) {
   ChainFit fit;
   fit.chain = initial;
   fit.foot_m = lengths_along(line);
   fit.chi2 = evaluate(fit.chain, line, fit.foot_m, fit.residual, fit.jacobian);
   ChainFit best = fit;
+  const auto nodes = static_cast<double>(line.nodes_m.size());
   double damping = kFirstDamping;
   bool strayed = false;
   for (int step = 0; step < max_steps; ++step) {
@@ -180,6 +189,7 @@ ChainFit fit_chain(const PartChain& initial, const MeasuredCenterline& line, int
       strayed = true;  // valleys are bent: the next step may lead back to the ground, farther on
     }
     fit = std::move(next);
+    if (step >= kHopelessSteps && rival_chi2 && best.chi2 > kHopeless * (*rival_chi2 + nodes)) break;
   }
   fit = std::move(best);
   trim(fit);
@@ -187,7 +197,7 @@ ChainFit fit_chain(const PartChain& initial, const MeasuredCenterline& line, int
   Equations equations;
   const int parameters = set_up(fit, equations);
   const double independent = independent_nodes(line);
-  fit.cost = fit.chi2 * independent / static_cast<double>(line.nodes_m.size()) + parameters * std::log(2.0 * independent);
+  fit.cost = fit.chi2 * independent / nodes + parameters * std::log(2.0 * independent);
   return fit;
 }
 

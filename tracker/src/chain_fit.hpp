@@ -1,6 +1,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <optional>
 #include <vector>
 
 #include "tubetrack/tracker/segments.hpp"
@@ -19,8 +20,10 @@ struct ChainFit {
 
 /// Levenberg-Marquardt on the distances of the nodes from the chain, across it, weighted by their covariance and a
 /// floor, over all parameters at once. A straight that would become negative stays at 0. The chain begins and ends
-/// where the first and the last node have their feet.
-ChainFit fit_chain(const PartChain& initial, const MeasuredCenterline& line, int max_steps);
+/// where the first and the last node have their feet. With `rival_chi2`, that of a chain with more parameters, a fit that
+/// will not come near it is left early.
+ChainFit fit_chain(const PartChain& initial, const MeasuredCenterline& line, int max_steps,
+                   std::optional<double> rival_chi2 = std::nullopt);
 
 /// How many of the nodes are independent.
 double independent_nodes(const MeasuredCenterline& line);

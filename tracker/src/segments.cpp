@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numbers>
 
 #include "chain_fit.hpp"
 #include "chain_moves.hpp"
@@ -12,8 +11,21 @@ namespace tubetrack {
 
 namespace {
 
-constexpr int kFitSteps = 12;
-constexpr std::size_t kMaxBends = 20;
+constexpr int kFitSteps = 25;
+// More than this is no bent tube.
+constexpr std::size_t kMaxBends = 12;
+// Arcs with less straight between them than this, in radii or in σ, touch.
+constexpr double kTouchingRadii = 0.5;
+constexpr double kTouchingSigmas = 3.0;
+// Two touching arcs are a compound bend. More are a helix or a hose, cut up.
+constexpr std::size_t kMaxTouching = 2;
+// In a first guess, noise may cut a bend in pieces; more than these are not worth a fit.
+constexpr std::size_t kMaxTouchingInGuess = 5;
+// A part that fits worse than this, squared and over its noise, is neither straight nor an arc.
+constexpr double kMisfit = 9.0;
+constexpr int kLeastResiduals = 8;  // fewer, two a node, can't tell
+// Fits tried with fewer bends: a bound on the time for what has no clear bends.
+constexpr int kMaxTrials = 8;
 
 /// The nodes that can be used: distinct ones.
 struct CleanLine {
@@ -38,13 +50,15 @@ std::optional<CleanLine> cleaned(const MeasuredCenterline& line) {
   return clean;
 }
 
-/// The chain with its number of bends brought down as long as that is worth it.
-FittedChain simplified(ChainFit fit, const MeasuredCenterline& line) {
-  FittedChain fitted = with_uncertainty(fit, line);
+/// A chain whose number of bends is brought down as long as that is worth it.
+ChainFit simplified(ChainFit fit, const MeasuredCenterline& line, FittedChain& fitted) {
+  fitted = with_uncertainty(fit, line);
+  int trials = 0;
   for (bool better = true; better;) {
     better = false;
     for (const PartChain& simpler : simpler_chains(fitted)) {
-      ChainFit other = fit_chain(simpler, line, kFitSteps);
+      if (trials++ == kMaxTrials) return fit;
+      ChainFit other = fit_chain(simpler, line, kFitSteps, fit.chi2);
       if (!(other.cost < fit.cost)) continue;
       fit = std::move(other);
       fitted = with_uncertainty(fit, line);
@@ -52,23 +66,66 @@ FittedChain simplified(ChainFit fit, const MeasuredCenterline& line) {
       break;
     }
   }
-  return fitted;
+  return fit;
 }
 
-std::vector<Segment> segments_of(const PartChain& chain) {
+/// For each bend, whether it belongs to more than `most` arcs that touch.
+std::vector<bool> in_long_run(const PartChain& chain, const std::vector<double>& touching_m, std::size_t most) {
+  std::vector<bool> in_run(chain.bends.size(), false);
+  for (std::size_t from = 0; from < chain.bends.size();) {
+    std::size_t to = from + 1;
+    while (to < chain.bends.size() && chain.bends[to].straight_m <= touching_m[to]) ++to;
+    if (to - from > most) std::fill(in_run.begin() + static_cast<std::ptrdiff_t>(from),
+                                    in_run.begin() + static_cast<std::ptrdiff_t>(to), true);
+    from = to;
+  }
+  return in_run;
+}
+
+/// A chain's parts; arcs that are in a run are `free`, together with what is between them.
+std::vector<Segment> segments_of(const PartChain& chain, const std::vector<bool>& in_run) {
   std::vector<Segment> segments;
   double at_m = 0.0;
   const auto add = [&](Segment::Type type, double length_m, double bend_radius_m, double bend_angle_rad) {
     if (!(length_m > 0.0)) return;
-    segments.push_back({type, at_m, at_m + length_m, bend_radius_m, bend_angle_rad});
+    if (type == Segment::Type::free && !segments.empty() && segments.back().type == type) {
+      segments.back().to_m += length_m;
+    } else {
+      segments.push_back({type, at_m, at_m + length_m, bend_radius_m, bend_angle_rad});
+    }
     at_m += length_m;
   };
-  for (const ChainBend& bend : chain.bends) {
-    add(Segment::Type::straight, bend.straight_m, 0.0, 0.0);
-    add(Segment::Type::arc, bend.radius_m * bend.angle_rad, bend.radius_m, bend.angle_rad);
+  for (std::size_t i = 0; i < chain.bends.size(); ++i) {
+    const ChainBend& bend = chain.bends[i];
+    const bool within_run = i > 0 && in_run[i - 1] && in_run[i] ;
+    add(within_run ? Segment::Type::free : Segment::Type::straight, bend.straight_m, 0.0, 0.0);
+    const double arc_m = bend.radius_m * bend.angle_rad;
+    if (in_run[i]) {
+      add(Segment::Type::free, arc_m, 0.0, 0.0);
+    } else {
+      add(Segment::Type::arc, arc_m, bend.radius_m, bend.angle_rad);
+    }
   }
   add(Segment::Type::straight, chain.closing_m, 0.0, 0.0);
   return segments;
+}
+
+/// Turns parts that the nodes don't follow into free ones.
+void free_misfits(const ChainFit& fit, std::vector<Segment>& segments) {
+  std::size_t node = 0;
+  for (Segment& segment : segments) {
+    double sum = 0.0;
+    int count = 0;
+    for (; node < fit.foot_m.size() && fit.foot_m[node] <= segment.to_m + 1e-9; ++node) {
+      sum += fit.residual.segment<2>(2 * static_cast<Eigen::Index>(node)).squaredNorm();
+      count += 2;
+    }
+    if (count >= kLeastResiduals && sum > kMisfit * count) segment = {Segment::Type::free, segment.from_m, segment.to_m, 0.0, 0.0};
+  }
+}
+
+bool is_free(const Segment& segment) {
+  return segment.type == Segment::Type::free;
 }
 
 }  // namespace
@@ -77,12 +134,26 @@ CenterlineParts cut_into_parts(const MeasuredCenterline& measured) {
   const std::optional<CleanLine> clean = cleaned(measured);
   if (!clean) return {};
   const MeasuredCenterline line{clean->nodes_m, clean->covariance_m2, measured.radius_m, measured.correlation_m};
-  PartChain guess = parts_in_tangent_space(line);
+  const PartChain guess = parts_in_tangent_space(line);
   if (guess.bends.size() > kMaxBends) {
     return {{{Segment::Type::free, 0.0, length_of(guess), 0.0, 0.0}}, std::nullopt};
   }
-  const FittedChain fitted = simplified(fit_chain(guess, line, kFitSteps), line);
-  return {segments_of(fitted.chain), fitted};
+  const double touching_m = kTouchingRadii * line.radius_m;
+  const auto winding =
+      in_long_run(guess, std::vector<double>(guess.bends.size(), touching_m), kMaxTouchingInGuess);
+  if (std::find(winding.begin(), winding.end(), true) != winding.end()) {
+    return {segments_of(guess, winding), std::nullopt};
+  }
+  FittedChain fitted;
+  const ChainFit fit = simplified(fit_chain(guess, line, kFitSteps), line, fitted);
+  std::vector<double> touching;
+  for (const BendSigma& sigma : fitted.sigma) {
+    touching.push_back(std::max(touching_m, kTouchingSigmas * sigma.straight_m));
+  }
+  std::vector<Segment> segments = segments_of(fit.chain, in_long_run(fit.chain, touching, kMaxTouching));
+  free_misfits(fit, segments);
+  if (std::any_of(segments.begin(), segments.end(), is_free)) return {std::move(segments), std::nullopt};
+  return {std::move(segments), std::move(fitted)};
 }
 
 }  // namespace tubetrack

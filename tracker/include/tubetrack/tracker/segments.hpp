@@ -15,11 +15,11 @@ struct MeasuredCenterline {
   std::span<const Eigen::Vector3d> nodes_m;
   std::span<const Eigen::Matrix3d> covariance_m2;  ///< one a node
   double radius_m = 0.0;                           ///< of the tube: the scale of what counts as a bend
-  double correlation_m = 0.0;  ///< nodes this far apart err independently; 0: all do. A fitted line: correlation_of
+  double correlation_m = 0.0;  ///< nodes this far apart err independently; 0: all do. A fitted line: correlation_of_fitted
 };
 
 /// Of a centreline that fit_tube made: two spacings of its knots.
-double correlation_of(double radius_m);
+double correlation_of_fitted(double radius_m);
 
 /// Bends and straights with their uncertainty: σ of each bend's numbers (NaN never), and of the closing length.
 struct BendSigma {
