@@ -109,7 +109,7 @@ TEST(ResultSchema, TakesTheLineOfTheDesign) {
       R"("confidence": 0.93, "centerline_m": [[0.1, 0.0, 0.8], [0.2, 0.0, 0.8]], "sigma_m": [0.0002, 0.0002], )"
       R"("node_covariance_m2": [[4e-8, 0, 0, 4e-8, 0, 9e-8], [4e-8, 0, 0, 4e-8, 0, 9e-8]], "node_visible": [true, true], )"
       R"("segments": [{"type": "straight", "from_m": 0.0, "to_m": 0.2, "length_m": 0.2}], )"
-      R"("bend_table": {"xyz_m": [[0.1, 0.0, 0.8], [0.2, 0.0, 0.8]], "lra": [{"length_m": 0.2, "rotation_rad": 0.0, "angle_rad": 1.05, )"
+      R"("bend_table": {"xyz_m": [[0.1, 0.0, 0.8]], "lra": [{"length_m": 0.2, "rotation_rad": 0.0, "angle_rad": 1.05, )"
       R"("bend_radius_m": 0.1, "angle_sigma_rad": 0.004, "ill_conditioned": false}]}, )"
       R"("picks": [{"position_m": [0.1, 0.0, 0.8], "quaternion_xyzw": [0, 0, 0, 1], "grip_width_m": 0.0402, )"
       R"("clearance_m": 0.03, "score": 0.9}]}]})";

@@ -18,8 +18,8 @@ struct OwnedLine {
   MeasuredCenterline view() const { return {nodes_m, covariance_m2, radius_m, correlation_m}; }
 };
 
-/// A tube as a bender makes it: bends of 30–180° and of 1.5–10 tube diameters, straights of 1–6 diameters, planes turned
-/// at random. In front of a camera, in no special direction.
+/// A tube as a bender makes it: bends of 30–180° and of 1.5–10 tube diameters, straights of 1–6 diameters, planes
+/// turned at random. In front of a camera, in no special direction.
 PartChain random_chain(std::mt19937_64& random, std::size_t bends, double tube_radius_m);
 
 /// Nodes half a radius apart, each off by σ in every direction: independently, or smoothly over `correlation_m`.

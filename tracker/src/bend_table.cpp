@@ -1,5 +1,6 @@
 #include "tubetrack/tracker/bend_table.hpp"
 
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
 #include <numbers>

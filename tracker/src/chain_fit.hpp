@@ -20,8 +20,8 @@ struct ChainFit {
 
 /// Levenberg-Marquardt on the distances of the nodes from the chain, across it, weighted by their covariance and a
 /// floor, over all parameters at once. A straight that would become negative stays at 0. The chain begins and ends
-/// where the first and the last node have their feet. With `rival_chi2`, that of a chain with more parameters, a fit that
-/// will not come near it is left early.
+/// where the first and the last node have their feet. With `rival_chi2`, that of a chain with more parameters, a fit
+/// that will not come near it is left early.
 ChainFit fit_chain(const PartChain& initial, const MeasuredCenterline& line, int max_steps,
                    std::optional<double> rival_chi2 = std::nullopt);
 

@@ -36,8 +36,7 @@ PartChain merged(const PartChain& chain, std::size_t first) {
   PartChain simpler = chain;
   ChainBend& bend = simpler.bends[first];
   const ChainBend next = chain.bends[first + 1];
-  const double length_m =
-      bend.radius_m * bend.angle_rad + next.straight_m + next.radius_m * next.angle_rad;
+  const double length_m = bend.radius_m * bend.angle_rad + next.straight_m + next.radius_m * next.angle_rad;
   const double x = bend.angle_rad + next.angle_rad * std::cos(next.rotation_rad);
   const double y = next.angle_rad * std::sin(next.rotation_rad);
   const double turn_rad = std::atan2(y, x);
@@ -60,8 +59,8 @@ std::vector<PartChain> simpler_chains(const FittedChain& fitted) {
     if (i + 1 == chain.bends.size()) break;
     const ChainBend& next = chain.bends[i + 1];
     const double rotation_rad = std::abs(wrapped(next.rotation_rad));
-    const double apart = std::max(next.straight_m / fitted.sigma[i + 1].straight_m,
-                                  rotation_rad / fitted.sigma[i + 1].rotation_rad);
+    const double apart =
+        std::max(next.straight_m / fitted.sigma[i + 1].straight_m, rotation_rad / fitted.sigma[i + 1].rotation_rad);
     if (!(apart > kDoubtfulSigmas) && rotation_rad < kDoubtfulRotation_rad) found.emplace_back(apart, merged(chain, i));
   }
   std::stable_sort(found.begin(), found.end(), [](const auto& a, const auto& b) { return a.first < b.first; });

@@ -71,7 +71,8 @@ std::vector<Carry> carries_of(const PlacedChain& placed, const PartChain& chain)
                                 {side, Eigen::Vector3d::Zero(), 0.0}};
   for (std::size_t i = 0; i < placed.bends.size(); ++i) {
     const PlacedBend& bend = placed.bends[i];
-    const Eigen::Vector3d end = i + 1 < placed.bends.size() ? placed.bends[i + 1].straight_start_m : placed.last_start_m;
+    const Eigen::Vector3d end =
+        i + 1 < placed.bends.size() ? placed.bends[i + 1].straight_start_m : placed.last_start_m;
     carries.push_back({Eigen::Vector3d::Zero(), bend.tangent, 0.0});
     carries.push_back(turn_about(bend.tangent, bend.arc_start_m - start));
     carries.push_back({Eigen::Vector3d::Zero(), end - bend.arc_start_m, 0.0});

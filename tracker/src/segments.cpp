@@ -35,7 +35,8 @@ struct CleanLine {
 
 std::optional<CleanLine> cleaned(const MeasuredCenterline& line) {
   if (line.covariance_m2.size() != line.nodes_m.size()) return std::nullopt;
-  if (!(line.radius_m > 0.0) || !std::isfinite(line.radius_m) || !std::isfinite(line.correlation_m)) return std::nullopt;
+  if (!(line.radius_m > 0.0) || !std::isfinite(line.radius_m) || !std::isfinite(line.correlation_m))
+    return std::nullopt;
   CleanLine clean;
   for (std::size_t i = 0; i < line.nodes_m.size(); ++i) {
     const Eigen::Matrix3d& covariance = line.covariance_m2[i];
@@ -75,8 +76,9 @@ std::vector<bool> in_long_run(const PartChain& chain, const std::vector<double>&
   for (std::size_t from = 0; from < chain.bends.size();) {
     std::size_t to = from + 1;
     while (to < chain.bends.size() && chain.bends[to].straight_m <= touching_m[to]) ++to;
-    if (to - from > most) std::fill(in_run.begin() + static_cast<std::ptrdiff_t>(from),
-                                    in_run.begin() + static_cast<std::ptrdiff_t>(to), true);
+    if (to - from > most)
+      std::fill(in_run.begin() + static_cast<std::ptrdiff_t>(from), in_run.begin() + static_cast<std::ptrdiff_t>(to),
+                true);
     from = to;
   }
   return in_run;
@@ -97,7 +99,7 @@ std::vector<Segment> segments_of(const PartChain& chain, const std::vector<bool>
   };
   for (std::size_t i = 0; i < chain.bends.size(); ++i) {
     const ChainBend& bend = chain.bends[i];
-    const bool within_run = i > 0 && in_run[i - 1] && in_run[i] ;
+    const bool within_run = i > 0 && in_run[i - 1] && in_run[i];
     add(within_run ? Segment::Type::free : Segment::Type::straight, bend.straight_m, 0.0, 0.0);
     const double arc_m = bend.radius_m * bend.angle_rad;
     if (in_run[i]) {
@@ -120,7 +122,8 @@ void free_misfits(const ChainFit& fit, std::vector<Segment>& segments) {
       sum += fit.residual.segment<2>(2 * static_cast<Eigen::Index>(node)).squaredNorm();
       count += 2;
     }
-    if (count >= kLeastResiduals && sum > kMisfit * count) segment = {Segment::Type::free, segment.from_m, segment.to_m, 0.0, 0.0};
+    if (count >= kLeastResiduals && sum > kMisfit * count)
+      segment = {Segment::Type::free, segment.from_m, segment.to_m, 0.0, 0.0};
   }
 }
 
@@ -139,8 +142,7 @@ CenterlineParts cut_into_parts(const MeasuredCenterline& measured) {
     return {{{Segment::Type::free, 0.0, length_of(guess), 0.0, 0.0}}, std::nullopt};
   }
   const double touching_m = kTouchingRadii * line.radius_m;
-  const auto winding =
-      in_long_run(guess, std::vector<double>(guess.bends.size(), touching_m), kMaxTouchingInGuess);
+  const auto winding = in_long_run(guess, std::vector<double>(guess.bends.size(), touching_m), kMaxTouchingInGuess);
   if (std::find(winding.begin(), winding.end(), true) != winding.end()) {
     return {segments_of(guess, winding), std::nullopt};
   }

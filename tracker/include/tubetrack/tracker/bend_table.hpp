@@ -14,9 +14,9 @@ namespace tubetrack {
 /// - it is the closing row and its length is below 2 σ.
 BendTable bend_table_of(const FittedChain& fitted);
 
-/// The inverse: the chain that a table describes, in the frame of its XYZ points, which give the start, the direction and
-/// the first bend's plane; all else is from LRA. Nothing where the table can't be a tube's: not two distinct points, no
-/// closing row, a length or an angle below 0, a bend without a radius, a number that is not finite.
+/// The inverse: the chain that a table describes, in the frame of its XYZ points, which give the start, the direction
+/// and the first bend's plane; all else is from LRA. Nothing where the table can't be a tube's: not two distinct
+/// points, no closing row, a length or an angle below 0, a bend without a radius, a number that is not finite.
 std::optional<PartChain> chain_of(const BendTable& table);
 
 /// The centreline that a table describes: points at most `step_m` apart, as points_along. Empty where chain_of is.

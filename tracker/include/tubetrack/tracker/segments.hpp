@@ -15,7 +15,8 @@ struct MeasuredCenterline {
   std::span<const Eigen::Vector3d> nodes_m;
   std::span<const Eigen::Matrix3d> covariance_m2;  ///< one a node
   double radius_m = 0.0;                           ///< of the tube: the scale of what counts as a bend
-  double correlation_m = 0.0;  ///< nodes this far apart err independently; 0: all do. A fitted line: correlation_of_fitted
+  double correlation_m =
+      0.0;  ///< nodes this far apart err independently; 0: all do. A fitted line: correlation_of_fitted
 };
 
 /// Of a centreline that fit_tube made: two spacings of its knots.
@@ -36,7 +37,7 @@ struct FittedChain {
 
 /// A centreline cut into its parts.
 struct CenterlineParts {
-  std::vector<Segment> segments;     ///< in order and without gaps, along the fitted chain; empty: no parts found
+  std::vector<Segment> segments;      ///< in order and without gaps, along the fitted chain; empty: no parts found
   std::optional<FittedChain> fitted;  ///< unless a part is `free`, or there are no parts
 };
 

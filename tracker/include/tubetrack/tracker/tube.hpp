@@ -19,11 +19,12 @@ struct Segment {
   double bend_angle_rad = 0.0;  ///< arcs only
 };
 
-/// A row of LRA: a bend with the straight before it, or the closing straight alone (angle 0). σ's are standard deviations.
+/// A row of LRA: a bend with the straight before it, or the closing straight alone (angle 0). σ's are standard
+/// deviations.
 struct BendRow {
   double length_m = 0.0;      ///< of the straight
-  double rotation_rad = 0.0;  ///< turn of the bend's plane about that straight since the bend before, right-handed along
-                              ///< the tube, in (−π, π]; 0 for the first
+  double rotation_rad = 0.0;  ///< turn of the bend's plane about that straight since the bend before, right-handed
+                              ///< along the tube, in (−π, π]; 0 for the first
   double angle_rad = 0.0;
   double bend_radius_m = 0.0;  ///< of the centreline
   double length_sigma_m = 0.0;
