@@ -41,13 +41,17 @@ NoiseInFit noise_of(const ChainFit& fit, const MeasuredCenterline& line) {
   return noise;
 }
 
-/// What no node decides on has no variance here.
-Eigen::MatrixXd inverse_where_decided(const Eigen::MatrixXd& jacobian) {
+/// What no node decides on has no variance here, nor has a straight between arcs that touch: where it is 0, that it may
+/// grow by what the arcs give up changes the line in second order only.
+Eigen::MatrixXd inverse_where_decided(const PartChain& chain, const Eigen::MatrixXd& jacobian) {
   Eigen::MatrixXd normal = jacobian.transpose() * jacobian;
   const double least = 1e-12 * normal.diagonal().maxCoeff();
   Eigen::VectorXd decided = Eigen::VectorXd::Ones(normal.rows());
   for (Eigen::Index k = 0; k < normal.rows(); ++k) {
-    if (normal(k, k) > least) continue;
+    const Eigen::Index in_bend = k - kStartParameters;
+    const bool touching = in_bend >= 0 && in_bend % kBendParameters == 0 &&
+                          chain.bends[static_cast<std::size_t>(in_bend / kBendParameters)].straight_m <= 0.0;
+    if (normal(k, k) > least && !touching) continue;
     normal.row(k).setZero();
     normal.col(k).setZero();
     normal(k, k) = 1.0;
@@ -59,7 +63,7 @@ Eigen::MatrixXd inverse_where_decided(const Eigen::MatrixXd& jacobian) {
 
 Eigen::MatrixXd covariance_of(const ChainFit& fit, const MeasuredCenterline& line) {
   const NoiseInFit noise = noise_of(fit, line);
-  const Eigen::MatrixXd inverse = inverse_where_decided(fit.jacobian);
+  const Eigen::MatrixXd inverse = inverse_where_decided(fit.chain, fit.jacobian);
   const Eigen::MatrixXd half = noise.own * noise.correlated.transpose();
   Eigen::MatrixXd spread = half + half.transpose();
   spread.noalias() -= noise.own * noise.own.transpose();

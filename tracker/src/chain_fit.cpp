@@ -15,6 +15,8 @@ namespace {
 // A step may not go farther: rad, or by this factor's logarithm.
 constexpr double kLargestStep = 0.5;
 constexpr double kLeastAngle_rad = 0.004;
+// A last straight shorter than this, in radii, belongs to the bend.
+constexpr double kLeastClosingRadii = 0.1;
 constexpr double kFirstDamping = 1e-4;
 // One step may make χ² worse, by this factor at most.
 constexpr double kStray = 100.0;
@@ -85,7 +87,7 @@ int set_up(const ChainFit& fit, Equations& equations) {
   for (Eigen::Index k = 0; k < kStartParameters; ++k) hold(k, false);
   for (std::size_t i = 0; i < fit.chain.bends.size(); ++i) {
     const Eigen::Index straight = place_of(i, BendParameter::straight);
-    hold(straight, fit.chain.bends[i].straight_m <= 0.0 && equations.gradient[straight] <= 0.0);
+    hold(straight, fit.chain.bends[i].touching || (fit.chain.bends[i].straight_m <= 0.0 && equations.gradient[straight] <= 0.0));
     for (Eigen::Index k = straight + 1; k < straight + kBendParameters; ++k) hold(k, false);
   }
   return free;
@@ -109,7 +111,7 @@ Eigen::VectorXd solve(const PartChain& chain, Equations& equations) {
 }
 
 /// Lets the chain begin and end at the feet of the first and the last node, and its first bend go `towards`.
-void trim(ChainFit& fit) {
+void trim(ChainFit& fit, double tube_radius_m) {
   PartChain& chain = fit.chain;
   if (!chain.bends.empty()) {
     chain.towards = Eigen::AngleAxisd(chain.bends.front().rotation_rad, chain.direction) * chain.towards;
@@ -139,6 +141,9 @@ void trim(ChainFit& fit) {
     rest_m -= bend.radius_m * bend.angle_rad;
   }
   chain.closing_m = std::max(0.0, rest_m);
+  if (chain.bends.empty() || chain.closing_m > kLeastClosingRadii * tube_radius_m) return;
+  chain.bends.back().angle_rad += chain.closing_m / chain.bends.back().radius_m;
+  chain.closing_m = 0.0;
 }
 
 }  // namespace
@@ -192,7 +197,7 @@ ChainFit fit_chain(const PartChain& initial, const MeasuredCenterline& line, int
     if (step >= kHopelessSteps && rival_chi2 && best.chi2 > kHopeless * (*rival_chi2 + nodes)) break;
   }
   fit = std::move(best);
-  trim(fit);
+  trim(fit, line.radius_m);
   fit.chi2 = evaluate(fit.chain, line, fit.foot_m, fit.residual, fit.jacobian);
   Equations equations;
   const int parameters = set_up(fit, equations);

@@ -17,6 +17,11 @@ double wrapped(double angle_rad) {
   return std::remainder(angle_rad, 2.0 * M_PI);
 }
 
+/// 0 where there is nothing or nothing is known.
+double in_sigmas(double value, double sigma) {
+  return value > 0.0 && sigma > 0.0 && std::isfinite(sigma) ? value / sigma : 0.0;
+}
+
 PartChain without(const PartChain& chain, std::size_t gone) {
   PartChain simpler = chain;
   const ChainBend bend = chain.bends[gone];
@@ -24,10 +29,18 @@ PartChain without(const PartChain& chain, std::size_t gone) {
   simpler.bends.erase(simpler.bends.begin() + static_cast<std::ptrdiff_t>(gone));
   if (gone < simpler.bends.size()) {
     simpler.bends[gone].straight_m += length_m;
+    simpler.bends[gone].touching = false;
     simpler.bends[gone].rotation_rad += bend.rotation_rad;
   } else {
     simpler.closing_m += length_m;
   }
+  return simpler;
+}
+
+PartChain touching(const PartChain& chain, std::size_t bend) {
+  PartChain simpler = chain;
+  simpler.bends[bend].straight_m = 0.0;
+  simpler.bends[bend].touching = true;
   return simpler;
 }
 
@@ -54,14 +67,16 @@ std::vector<PartChain> simpler_chains(const FittedChain& fitted) {
   const PartChain& chain = fitted.chain;
   std::vector<std::pair<double, PartChain>> found;
   for (std::size_t i = 0; i < chain.bends.size(); ++i) {
-    const double sigmas = chain.bends[i].angle_rad / fitted.sigma[i].angle_rad;
-    if (!(sigmas > kDoubtfulSigmas)) found.emplace_back(sigmas, without(chain, i));
+    const double turned = in_sigmas(chain.bends[i].angle_rad, fitted.sigma[i].angle_rad);
+    if (turned < kDoubtfulSigmas) found.emplace_back(turned, without(chain, i));
+    const double away = in_sigmas(chain.bends[i].straight_m, fitted.sigma[i].straight_m);
+    if (chain.bends[i].straight_m > 0.0 && away < kDoubtfulSigmas) found.emplace_back(away, touching(chain, i));
     if (i + 1 == chain.bends.size()) break;
     const ChainBend& next = chain.bends[i + 1];
     const double rotation_rad = std::abs(wrapped(next.rotation_rad));
-    const double apart =
-        std::max(next.straight_m / fitted.sigma[i + 1].straight_m, rotation_rad / fitted.sigma[i + 1].rotation_rad);
-    if (!(apart > kDoubtfulSigmas) && rotation_rad < kDoubtfulRotation_rad) found.emplace_back(apart, merged(chain, i));
+    const double apart = std::max(in_sigmas(next.straight_m, fitted.sigma[i + 1].straight_m),
+                                  in_sigmas(rotation_rad, fitted.sigma[i + 1].rotation_rad));
+    if (apart < kDoubtfulSigmas && rotation_rad < kDoubtfulRotation_rad) found.emplace_back(apart, merged(chain, i));
   }
   std::stable_sort(found.begin(), found.end(), [](const auto& a, const auto& b) { return a.first < b.first; });
   std::vector<PartChain> chains;

@@ -12,6 +12,7 @@ struct ChainBend {
   double rotation_rad = 0.0;  ///< turn of the bend's plane about that straight since the bend before, right-handed
   double angle_rad = 0.0;     ///< > 0
   double radius_m = 0.0;      ///< of the centreline
+  bool touching = false;      ///< there is no straight, and none is looked for
 };
 
 /// A tangent-continuous centreline of straights and circular arcs (paper, section 3: rectilinear and toric parts), as a
