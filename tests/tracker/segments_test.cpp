@@ -123,7 +123,8 @@ TEST(Segments, TwoArcsMayTouch) {
     ASSERT_TRUE(parts.fitted);
     ASSERT_EQ(parts.fitted->chain.bends.size(), 2U) << rotation;
     const FittedChain& fitted = *parts.fitted;
-    EXPECT_LT(fitted.chain.bends[1].straight_m, 3.0 * fitted.sigma[1].straight_m);
+    EXPECT_EQ(fitted.chain.bends[1].straight_m, 0.0);
+    EXPECT_EQ(types_of(parts), "SAAS");
     for (std::size_t i = 0; i < 2; ++i) {
       EXPECT_NEAR(fitted.chain.bends[i].angle_rad, truth.bends[i].angle_rad, 3.0 * fitted.sigma[i].angle_rad);
       EXPECT_NEAR(fitted.chain.bends[i].radius_m, truth.bends[i].radius_m, 3.0 * fitted.sigma[i].radius_m);

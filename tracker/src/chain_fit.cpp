@@ -87,7 +87,8 @@ int set_up(const ChainFit& fit, Equations& equations) {
   for (Eigen::Index k = 0; k < kStartParameters; ++k) hold(k, false);
   for (std::size_t i = 0; i < fit.chain.bends.size(); ++i) {
     const Eigen::Index straight = place_of(i, BendParameter::straight);
-    hold(straight, fit.chain.bends[i].touching || (fit.chain.bends[i].straight_m <= 0.0 && equations.gradient[straight] <= 0.0));
+    hold(straight,
+         fit.chain.bends[i].touching || (fit.chain.bends[i].straight_m <= 0.0 && equations.gradient[straight] <= 0.0));
     for (Eigen::Index k = straight + 1; k < straight + kBendParameters; ++k) hold(k, false);
   }
   return free;

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "chain_fit.hpp"
 #include "chain_moves.hpp"
@@ -122,13 +123,35 @@ void free_misfits(const ChainFit& fit, std::vector<Segment>& segments) {
       sum += fit.residual.segment<2>(2 * static_cast<Eigen::Index>(node)).squaredNorm();
       count += 2;
     }
-    if (count >= kLeastResiduals && sum > kMisfit * count)
+    if (count >= kLeastResiduals && sum > kMisfit * count) {
       segment = {Segment::Type::free, segment.from_m, segment.to_m, 0.0, 0.0};
+    }
   }
 }
 
-bool is_free(const Segment& segment) {
-  return segment.type == Segment::Type::free;
+CenterlineParts parts_of(const ChainFit& fit, FittedChain fitted, const MeasuredCenterline& line) {
+  std::vector<double> touching_m;
+  for (const BendSigma& sigma : fitted.sigma) {
+    touching_m.push_back(std::max(kTouchingRadii * line.radius_m, kTouchingSigmas * sigma.straight_m));
+  }
+  CenterlineParts parts;
+  parts.segments = segments_of(fit.chain, in_long_run(fit.chain, touching_m, kMaxTouching));
+  free_misfits(fit, parts.segments);
+  const bool free = std::any_of(parts.segments.begin(), parts.segments.end(),
+                                [](const Segment& segment) { return segment.type == Segment::Type::free; });
+  if (!free) parts.fitted = std::move(fitted);
+  return parts;
+}
+
+/// The parts of a line that winds on and on, or has more of them than a bent tube: not worth a fit.
+std::optional<CenterlineParts> parts_if_hopeless(const PartChain& guess, double tube_radius_m) {
+  if (guess.bends.size() > kMaxBends) {
+    return CenterlineParts{{{Segment::Type::free, 0.0, length_of(guess), 0.0, 0.0}}, std::nullopt};
+  }
+  const std::vector<double> touching_m(guess.bends.size(), kTouchingRadii * tube_radius_m);
+  const std::vector<bool> in_run = in_long_run(guess, touching_m, kMaxTouchingInGuess);
+  if (std::find(in_run.begin(), in_run.end(), true) == in_run.end()) return std::nullopt;
+  return CenterlineParts{segments_of(guess, in_run), std::nullopt};
 }
 
 }  // namespace
@@ -137,25 +160,20 @@ CenterlineParts cut_into_parts(const MeasuredCenterline& measured) {
   const std::optional<CleanLine> clean = cleaned(measured);
   if (!clean) return {};
   const MeasuredCenterline line{clean->nodes_m, clean->covariance_m2, measured.radius_m, measured.correlation_m};
-  const PartChain guess = parts_in_tangent_space(line);
-  if (guess.bends.size() > kMaxBends) {
-    return {{{Segment::Type::free, 0.0, length_of(guess), 0.0, 0.0}}, std::nullopt};
+  CenterlineParts parts;
+  double least_cost = std::numeric_limits<double>::infinity();
+  // A fit from a guess with too few bends, or from too far away, shows as misfit: another guess, another chance.
+  for (const double thrift : {1.0, 0.4}) {
+    const PartChain guess = parts_in_tangent_space(line, thrift);
+    if (auto hopeless = parts_if_hopeless(guess, line.radius_m)) return parts.segments.empty() ? *hopeless : parts;
+    FittedChain fitted;
+    const ChainFit fit = simplified(fit_chain(guess, line, kFitSteps), line, fitted);
+    if (!(fit.cost < least_cost)) continue;
+    least_cost = fit.cost;
+    parts = parts_of(fit, std::move(fitted), line);
+    if (parts.fitted) break;
   }
-  const double touching_m = kTouchingRadii * line.radius_m;
-  const auto winding = in_long_run(guess, std::vector<double>(guess.bends.size(), touching_m), kMaxTouchingInGuess);
-  if (std::find(winding.begin(), winding.end(), true) != winding.end()) {
-    return {segments_of(guess, winding), std::nullopt};
-  }
-  FittedChain fitted;
-  const ChainFit fit = simplified(fit_chain(guess, line, kFitSteps), line, fitted);
-  std::vector<double> touching;
-  for (const BendSigma& sigma : fitted.sigma) {
-    touching.push_back(std::max(touching_m, kTouchingSigmas * sigma.straight_m));
-  }
-  std::vector<Segment> segments = segments_of(fit.chain, in_long_run(fit.chain, touching, kMaxTouching));
-  free_misfits(fit, segments);
-  if (std::any_of(segments.begin(), segments.end(), is_free)) return {std::move(segments), std::nullopt};
-  return {std::move(segments), std::move(fitted)};
+  return parts;
 }
 
 }  // namespace tubetrack

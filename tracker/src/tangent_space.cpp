@@ -79,7 +79,7 @@ struct Best {
 };
 
 /// The cheapest cut, by dynamic programming over where pieces end. Two straights never touch: between them is a bend.
-std::vector<Piece> cut(const std::vector<TangentSpace::Sample>& samples, double overcount) {
+std::vector<Piece> cut(const std::vector<TangentSpace::Sample>& samples, double overcount, double thrift) {
   const std::vector<Sums> sums = running_sums(samples);
   const std::size_t count = samples.size();
   std::vector<std::array<Best, 2>> best(count + 1);
@@ -89,10 +89,10 @@ std::vector<Piece> cut(const std::vector<TangentSpace::Sample>& samples, double 
       const Sums run = sums[to] - sums[from];
       const bool arc_before = from > 0 && best[from][1].cost < best[from][0].cost;
       const double before = std::min(best[from][0].cost, best[from][1].cost);
-      const double straight = best[from][1].cost + kStraightCost + cost_of(run, false) / overcount;
+      const double straight = best[from][1].cost + thrift * kStraightCost + cost_of(run, false) / overcount;
       if (straight < best[to][0].cost) best[to][0] = {straight, from, true};
       if (to - from < 2) continue;
-      const double arc = before + kArcCost + cost_of(run, true) / overcount;
+      const double arc = before + thrift * kArcCost + cost_of(run, true) / overcount;
       if (arc < best[to][1].cost) best[to][1] = {arc, from, arc_before};
     }
   }
@@ -207,7 +207,7 @@ TangentSpace tangent_space(const MeasuredCenterline& line) {
   return space;
 }
 
-PartChain parts_in_tangent_space(const MeasuredCenterline& line) {
+PartChain parts_in_tangent_space(const MeasuredCenterline& line, double thrift) {
   TangentSpace space = tangent_space(line);
   const std::size_t stride = (space.samples.size() + kMaxSamples - 1) / kMaxSamples;
   for (std::size_t i = 0; i * stride < space.samples.size(); ++i) space.samples[i] = space.samples[i * stride];
@@ -217,7 +217,7 @@ PartChain parts_in_tangent_space(const MeasuredCenterline& line) {
   // Windows overlap and nodes are correlated: so many samples say what one does.
   const double spacing_m = length_m / static_cast<double>(space.samples.size());
   const double independent_m = std::max(2.0 * kHalfWindowRadii * line.radius_m, line.correlation_m);
-  return chain_of(space, cut(space.samples, std::max(1.0, independent_m / spacing_m)), line, length_m);
+  return chain_of(space, cut(space.samples, std::max(1.0, independent_m / spacing_m), thrift), line, length_m);
 }
 
 }  // namespace tubetrack

@@ -23,7 +23,7 @@ struct TangentSpace {
 TangentSpace tangent_space(const MeasuredCenterline& line);
 
 /// A first guess of a line's parts: the cheapest cut of its tangent space into pieces of constant angle (straights) and
-/// of collinear angles (arcs).
-PartChain parts_in_tangent_space(const MeasuredCenterline& line);
+/// of collinear angles (arcs). `thrift` scales what a piece costs: the more, the fewer.
+PartChain parts_in_tangent_space(const MeasuredCenterline& line, double thrift);
 
 }  // namespace tubetrack
