@@ -15,7 +15,7 @@ struct OwnedLine {
   double radius_m = 0.0;
   double correlation_m = 0.0;
 
-  MeasuredCenterline view() const { return {nodes_m, covariance_m2, radius_m, correlation_m}; }
+  MeasuredCenterline view() const { return {nodes_m, covariance_m2, radius_m, correlation_m, 0.0}; }
 };
 
 /// A tube as a bender makes it: bends of 30–180° and of 1.5–10 tube diameters, straights of 1–6 diameters, planes

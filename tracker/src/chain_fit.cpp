@@ -6,7 +6,6 @@
 #include <cmath>
 
 #include "chain_residual.hpp"
-#include "tubetrack/tracker/spline.hpp"
 
 namespace tubetrack {
 
@@ -148,10 +147,6 @@ void trim(ChainFit& fit, double tube_radius_m) {
 }
 
 }  // namespace
-
-double correlation_of_fitted(double radius_m) {
-  return 2.0 * kKnotSpacingRadii * radius_m;
-}
 
 double independent_nodes(const MeasuredCenterline& line) {
   const auto nodes = static_cast<double>(line.nodes_m.size());

@@ -80,6 +80,7 @@ std::vector<PartChain> simpler_chains(const FittedChain& fitted) {
   }
   std::stable_sort(found.begin(), found.end(), [](const auto& a, const auto& b) { return a.first < b.first; });
   std::vector<PartChain> chains;
+  chains.reserve(found.size());
   for (auto& [doubt, simpler] : found) chains.push_back(std::move(simpler));
   return chains;
 }

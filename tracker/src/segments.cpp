@@ -7,12 +7,16 @@
 #include "chain_fit.hpp"
 #include "chain_moves.hpp"
 #include "tangent_space.hpp"
+#include "tubetrack/tracker/spline.hpp"
 
 namespace tubetrack {
 
 namespace {
 
 constexpr int kFitSteps = 25;
+// The cap at a tube's end bends the last 1.5 radii of a fitted line by up to 0.5 rad, and lengthens it.
+constexpr double kUnsureEndRadii = 1.5;
+constexpr double kEndSigmaRadii = 0.3;
 // More than this is no bent tube.
 constexpr std::size_t kMaxBends = 12;
 // Arcs with less straight between them than this, in radii or in σ, touch.
@@ -36,7 +40,7 @@ struct CleanLine {
 
 std::optional<CleanLine> cleaned(const MeasuredCenterline& line) {
   if (line.covariance_m2.size() != line.nodes_m.size()) return std::nullopt;
-  if (!(line.radius_m > 0.0) || !std::isfinite(line.radius_m) || !std::isfinite(line.correlation_m))
+  if (!(line.radius_m > 0.0) || !std::isfinite(line.radius_m) || !std::isfinite(line.correlation_m + line.unsure_end_m))
     return std::nullopt;
   CleanLine clean;
   for (std::size_t i = 0; i < line.nodes_m.size(); ++i) {
@@ -49,6 +53,12 @@ std::optional<CleanLine> cleaned(const MeasuredCenterline& line) {
     clean.covariance_m2.push_back(covariance);
   }
   if (clean.nodes_m.size() < 3) return std::nullopt;
+  const double end_m2 = std::pow(kEndSigmaRadii * line.radius_m, 2);
+  for (std::size_t i = 0; i < clean.nodes_m.size(); ++i) {
+    const Eigen::Vector3d& node_m = clean.nodes_m[i];
+    const double from_end_m = std::min((node_m - clean.nodes_m.front()).norm(), (node_m - clean.nodes_m.back()).norm());
+    if (from_end_m < line.unsure_end_m) clean.covariance_m2[i].diagonal().array() += end_m2;
+  }
   return clean;
 }
 
@@ -131,6 +141,7 @@ void free_misfits(const ChainFit& fit, std::vector<Segment>& segments) {
 
 CenterlineParts parts_of(const ChainFit& fit, FittedChain fitted, const MeasuredCenterline& line) {
   std::vector<double> touching_m;
+  touching_m.reserve(fitted.sigma.size());
   for (const BendSigma& sigma : fitted.sigma) {
     touching_m.push_back(std::max(kTouchingRadii * line.radius_m, kTouchingSigmas * sigma.straight_m));
   }
@@ -156,10 +167,16 @@ std::optional<CenterlineParts> parts_if_hopeless(const PartChain& guess, double 
 
 }  // namespace
 
+MeasuredCenterline fitted_centerline(const Tube& tube) {
+  return {tube.centerline_m, tube.node_covariance_m2, tube.radius_m, 2.0 * kKnotSpacingRadii * tube.radius_m,
+          kUnsureEndRadii * tube.radius_m};
+}
+
 CenterlineParts cut_into_parts(const MeasuredCenterline& measured) {
   const std::optional<CleanLine> clean = cleaned(measured);
   if (!clean) return {};
-  const MeasuredCenterline line{clean->nodes_m, clean->covariance_m2, measured.radius_m, measured.correlation_m};
+  const MeasuredCenterline line{clean->nodes_m, clean->covariance_m2, measured.radius_m, measured.correlation_m,
+                                measured.unsure_end_m};
   CenterlineParts parts;
   double least_cost = std::numeric_limits<double>::infinity();
   // A fit from a guess with too few bends, or from too far away, shows as misfit: another guess, another chance.

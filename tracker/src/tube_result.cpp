@@ -68,8 +68,7 @@ Tube result_of(const FollowedTube& followed, const HeightMap& map) {
 }
 
 void add_parts(Tube& tube) {
-  CenterlineParts parts =
-      cut_into_parts({tube.centerline_m, tube.node_covariance_m2, tube.radius_m, correlation_of_fitted(tube.radius_m)});
+  CenterlineParts parts = cut_into_parts(fitted_centerline(tube));
   tube.segments = std::move(parts.segments);
   tube.bend_table = parts.fitted ? bend_table_of(*parts.fitted) : BendTable{};
 }

@@ -16,11 +16,13 @@ struct MeasuredCenterline {
   std::span<const Eigen::Matrix3d> covariance_m2;  ///< one a node
   double radius_m = 0.0;                           ///< of the tube: the scale of what counts as a bend
   double correlation_m =
-      0.0;  ///< nodes this far apart err independently; 0: all do. A fitted line: correlation_of_fitted
+      0.0;  ///< nodes this far apart err independently; 0: all do
+  double unsure_end_m = 0.0;  ///< nodes nearer than this to an end may be off by a good part of the radius
 };
 
-/// Of a centreline that fit_tube made: two spacings of its knots.
-double correlation_of_fitted(double radius_m);
+/// A centreline that fit_tube made: its nodes err together over two spacings of its knots, and at its ends the caps of
+/// the tube bend it.
+MeasuredCenterline fitted_centerline(const Tube& tube);
 
 /// Bends and straights with their uncertainty: σ of each bend's numbers (NaN never), and of the closing length.
 struct BendSigma {
