@@ -24,6 +24,11 @@ NoiseInFit noise_of(const ChainFit& fit, const MeasuredCenterline& line) {
   NoiseInFit noise;
   noise.own.resize(fit.jacobian.cols(), 3 * nodes);
   noise.correlated.resize(fit.jacobian.cols(), 3 * nodes);
+  // Smooth noise: its correlation is (1 + d) exp(−d), in units of which the integral over both sides is 4. Such sums
+  // over all nodes before are carried on from node to node.
+  const double scale_m = 0.25 * line.correlation_m;
+  Eigen::MatrixXd near = Eigen::MatrixXd::Zero(fit.jacobian.cols(), 3);  // Σ exp(−d)
+  Eigen::MatrixXd far = near;                                            // Σ d exp(−d)
   for (Eigen::Index i = 0; i < nodes; ++i) {
     const auto node = static_cast<std::size_t>(i);
     const Probe probe = probe_of(placed, line, node, fit.foot_m[node]);
@@ -33,10 +38,11 @@ NoiseInFit noise_of(const ChainFit& fit, const MeasuredCenterline& line) {
     noise.own.middleCols<3>(3 * i) = fit.jacobian.middleRows<2>(2 * i).transpose() * whitened;
     noise.correlated.middleCols<3>(3 * i) = noise.own.middleCols<3>(3 * i);
     if (i == 0 || line.correlation_m <= 0.0) continue;
-    // Exponential, with the sum over both sides equal to the correlation length.
-    const double step_m = std::abs(fit.foot_m[node] - fit.foot_m[node - 1]);
-    noise.correlated.middleCols<3>(3 * i) +=
-        std::exp(-2.0 * step_m / line.correlation_m) * noise.correlated.middleCols<3>(3 * (i - 1));
+    const double step = std::abs(fit.foot_m[node] - fit.foot_m[node - 1]) / scale_m;
+    near += noise.own.middleCols<3>(3 * (i - 1));
+    far = std::exp(-step) * (far + step * near);
+    near *= std::exp(-step);
+    noise.correlated.middleCols<3>(3 * i) += near + far;
   }
   return noise;
 }
