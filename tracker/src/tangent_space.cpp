@@ -125,7 +125,7 @@ Eigen::Vector3d slope_at(const MeasuredCenterline& line, std::size_t node, std::
     const auto step = static_cast<double>(k);
     sum += step * (line.nodes_m[node + k] - line.nodes_m[node - k]);
     squares += 2.0 * step * step;
-    variance += line.covariance_m2[node].trace() / 3.0;
+    variance += (line.covariance_m2[node + k].trace() + line.covariance_m2[node - k].trace()) / 6.0;
   }
   const double floor_m = kFloorRadii * line.radius_m;
   variance = variance / static_cast<double>(half) + floor_m * floor_m;
