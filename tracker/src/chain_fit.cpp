@@ -146,13 +146,36 @@ void trim(ChainFit& fit, double tube_radius_m) {
   chain.closing_m = 0.0;
 }
 
-}  // namespace
+ChainFit one_step(const ChainFit& fit, const MeasuredCenterline& line, double damping) {
+  Equations equations;
+  set_up(fit, equations);
+  equations.normal.diagonal() *= 1.0 + damping;
+  ChainFit next;
+  next.chain = fit.chain;
+  next.foot_m = fit.foot_m;
+  move(next.chain, solve(fit.chain, equations));
+  next.chi2 = evaluate(next.chain, line, next.foot_m, next.residual, next.jacobian);
+  return next;
+}
 
 double independent_nodes(const MeasuredCenterline& line) {
   const auto nodes = static_cast<double>(line.nodes_m.size());
   if (line.correlation_m <= 0.0) return nodes;
   return std::min(nodes, lengths_along(line).back() / line.correlation_m + 1.0);
 }
+
+/// The chain's ends, and what it costs.
+void finish(ChainFit& fit, const MeasuredCenterline& line) {
+  trim(fit, line.radius_m);
+  fit.chi2 = evaluate(fit.chain, line, fit.foot_m, fit.residual, fit.jacobian);
+  Equations equations;
+  const int parameters = set_up(fit, equations);
+  const double independent = independent_nodes(line);
+  fit.cost =
+      fit.chi2 * independent / static_cast<double>(line.nodes_m.size()) + parameters * std::log(2.0 * independent);
+}
+
+}  // namespace
 
 ChainFit fit_chain(const PartChain& initial, const MeasuredCenterline& line, int max_steps,
                    std::optional<double> rival_chi2) {
@@ -165,14 +188,7 @@ ChainFit fit_chain(const PartChain& initial, const MeasuredCenterline& line, int
   double damping = kFirstDamping;
   bool strayed = false;
   for (int step = 0; step < max_steps; ++step) {
-    Equations equations;
-    set_up(fit, equations);
-    equations.normal.diagonal() *= 1.0 + damping;
-    ChainFit next;
-    next.chain = fit.chain;
-    next.foot_m = fit.foot_m;
-    move(next.chain, solve(fit.chain, equations));
-    next.chi2 = evaluate(next.chain, line, next.foot_m, next.residual, next.jacobian);
+    ChainFit next = one_step(fit, line, damping);
     const double gain = best.chi2 - next.chi2;
     if (std::abs(gain) < 0.01 + 1e-5 * best.chi2) {
       if (gain > 0.0) best = std::move(next);
@@ -192,14 +208,8 @@ ChainFit fit_chain(const PartChain& initial, const MeasuredCenterline& line, int
     fit = std::move(next);
     if (step >= kHopelessSteps && rival_chi2 && best.chi2 > kHopeless * (*rival_chi2 + nodes)) break;
   }
-  fit = std::move(best);
-  trim(fit, line.radius_m);
-  fit.chi2 = evaluate(fit.chain, line, fit.foot_m, fit.residual, fit.jacobian);
-  Equations equations;
-  const int parameters = set_up(fit, equations);
-  const double independent = independent_nodes(line);
-  fit.cost = fit.chi2 * independent / nodes + parameters * std::log(2.0 * independent);
-  return fit;
+  finish(best, line);
+  return best;
 }
 
 }  // namespace tubetrack

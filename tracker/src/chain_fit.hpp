@@ -25,9 +25,6 @@ struct ChainFit {
 ChainFit fit_chain(const PartChain& initial, const MeasuredCenterline& line, int max_steps,
                    std::optional<double> rival_chi2 = std::nullopt);
 
-/// How many of the nodes are independent.
-double independent_nodes(const MeasuredCenterline& line);
-
 /// The chain with its uncertainty: the covariance of the nodes, correlated along the line, through the fit, inflated
 /// where the residuals are larger than it says.
 FittedChain with_uncertainty(const ChainFit& fit, const MeasuredCenterline& line);

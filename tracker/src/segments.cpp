@@ -30,7 +30,7 @@ constexpr std::size_t kMaxTouchingInGuess = 5;
 constexpr double kMisfit = 9.0;
 constexpr int kLeastResiduals = 8;  // fewer, two a node, can't tell
 // Fits tried with fewer bends: a bound on the time for what has no clear bends.
-constexpr int kMaxTrials = 8;
+constexpr int kMaxTrials = 5;
 
 /// The nodes that can be used: distinct ones.
 struct CleanLine {
@@ -123,9 +123,10 @@ std::vector<Segment> segments_of(const PartChain& chain, const std::vector<bool>
   return segments;
 }
 
-/// Turns parts that the nodes don't follow into free ones.
-void free_misfits(const ChainFit& fit, std::vector<Segment>& segments) {
+/// Turns parts that the nodes don't follow into free ones; returns whether there are any.
+bool free_misfits(const ChainFit& fit, std::vector<Segment>& segments) {
   std::size_t node = 0;
+  bool any = false;
   for (Segment& segment : segments) {
     double sum = 0.0;
     int count = 0;
@@ -135,11 +136,13 @@ void free_misfits(const ChainFit& fit, std::vector<Segment>& segments) {
     }
     if (count >= kLeastResiduals && sum > kMisfit * count) {
       segment = {Segment::Type::free, segment.from_m, segment.to_m, 0.0, 0.0};
+      any = true;
     }
   }
+  return any;
 }
 
-CenterlineParts parts_of(const ChainFit& fit, FittedChain fitted, const MeasuredCenterline& line) {
+CenterlineParts parts_of(const ChainFit& fit, FittedChain fitted, const MeasuredCenterline& line, bool& misfit) {
   std::vector<double> touching_m;
   touching_m.reserve(fitted.sigma.size());
   for (const BendSigma& sigma : fitted.sigma) {
@@ -147,7 +150,7 @@ CenterlineParts parts_of(const ChainFit& fit, FittedChain fitted, const Measured
   }
   CenterlineParts parts;
   parts.segments = segments_of(fit.chain, in_long_run(fit.chain, touching_m, kMaxTouching));
-  free_misfits(fit, parts.segments);
+  misfit = free_misfits(fit, parts.segments);
   const bool free = std::any_of(parts.segments.begin(), parts.segments.end(),
                                 [](const Segment& segment) { return segment.type == Segment::Type::free; });
   if (!free) parts.fitted = std::move(fitted);
@@ -187,8 +190,9 @@ CenterlineParts cut_into_parts(const MeasuredCenterline& measured) {
     const ChainFit fit = simplified(fit_chain(guess, line, kFitSteps), line, fitted);
     if (!(fit.cost < least_cost)) continue;
     least_cost = fit.cost;
-    parts = parts_of(fit, std::move(fitted), line);
-    if (parts.fitted) break;
+    bool misfit = false;
+    parts = parts_of(fit, std::move(fitted), line, misfit);
+    if (!misfit) break;
   }
   return parts;
 }
