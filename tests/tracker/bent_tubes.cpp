@@ -69,4 +69,34 @@ OwnedLine noisy_line(const PartChain& chain, double tube_radius_m, double sigma_
   return line;
 }
 
+PartChain chain_of(const std::vector<ChainBend>& bends, double closing) {
+  PartChain chain;
+  chain.start_m = {0.1, -0.2, 0.8};
+  chain.direction = Eigen::Vector3d(1.0, 2.0, 0.5).normalized();
+  chain.towards = chain.direction.unitOrthogonal();
+  for (const ChainBend& bend : bends) {
+    chain.bends.push_back({bend.straight_m * kTubeRadius_m, bend.rotation_rad * (M_PI / 180.0),
+                           bend.angle_rad * (M_PI / 180.0), bend.radius_m * kTubeRadius_m});
+  }
+  chain.closing_m = closing * kTubeRadius_m;
+  return chain;
+}
+
+OwnedLine line_of(const PartChain& chain, double sigma_radii, double correlation_radii, std::uint64_t seed) {
+  std::mt19937_64 random(seed);
+  return noisy_line(chain, kTubeRadius_m, sigma_radii * kTubeRadius_m, correlation_radii * kTubeRadius_m, random);
+}
+
+std::string types_of(const CenterlineParts& parts) {
+  std::string types;
+  for (const Segment& segment : parts.segments) {
+    types += segment.type == Segment::Type::straight ? 'S' : segment.type == Segment::Type::arc ? 'A' : 'F';
+  }
+  return types;
+}
+
+double rotation_error(double a_rad, double b_rad) {
+  return std::abs(std::remainder(a_rad - b_rad, 2.0 * M_PI));
+}
+
 }  // namespace tubetrack::test

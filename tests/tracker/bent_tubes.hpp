@@ -1,6 +1,7 @@
 #pragma once
 
 #include <random>
+#include <string>
 #include <vector>
 
 #include "tubetrack/tracker/part_chain.hpp"
@@ -25,5 +26,16 @@ PartChain random_chain(std::mt19937_64& random, std::size_t bends, double tube_r
 /// Nodes half a radius apart, each off by σ in every direction: independently, or smoothly over `correlation_m`.
 OwnedLine noisy_line(const PartChain& chain, double tube_radius_m, double sigma_m, double correlation_m,
                      std::mt19937_64& random);
+
+inline constexpr double kTubeRadius_m = 0.0125;
+
+/// A tube of kTubeRadius_m. Lengths and radii in tube radii, angles in degrees.
+PartChain chain_of(const std::vector<ChainBend>& bends, double closing);
+OwnedLine line_of(const PartChain& chain, double sigma_radii, double correlation_radii, std::uint64_t seed);
+
+/// A letter a segment: S, A or F.
+std::string types_of(const CenterlineParts& parts);
+
+double rotation_error(double a_rad, double b_rad);
 
 }  // namespace tubetrack::test
