@@ -64,6 +64,34 @@ Json segment_json(const Segment& segment) {
   return json;
 }
 
+Json point_json(const Eigen::Vector3d& p) {
+  return {micro(p.x()), micro(p.y()), micro(p.z())};
+}
+
+/// The closing row has no bend.
+Json bend_row_json(const BendRow& row) {
+  Json json{{"length_m", micro(row.length_m)},
+            {"rotation_rad", micro(row.rotation_rad)},
+            {"angle_rad", micro(row.angle_rad)}};
+  const bool bend = row.angle_rad > 0.0;
+  if (bend) json["bend_radius_m"] = micro(row.bend_radius_m);
+  json["length_sigma_m"] = three_digits(row.length_sigma_m);
+  if (bend) {
+    json["rotation_sigma_rad"] = three_digits(row.rotation_sigma_rad);
+    json["angle_sigma_rad"] = three_digits(row.angle_sigma_rad);
+    json["bend_radius_sigma_m"] = three_digits(row.bend_radius_sigma_m);
+  }
+  json["ill_conditioned"] = row.ill_conditioned;
+  return json;
+}
+
+Json bend_table_json(const BendTable& table) {
+  Json json{{"xyz_m", Json::array()}, {"lra", Json::array()}};
+  for (const Eigen::Vector3d& p : table.xyz_m) json["xyz_m"].push_back(point_json(p));
+  for (const BendRow& row : table.lra) json["lra"].push_back(bend_row_json(row));
+  return json;
+}
+
 Json tube_json(const Tube& tube) {
   Json json{{"id", tube.id},
             {"state", name_of(kStateNames, tube.state)},
@@ -75,9 +103,7 @@ Json tube_json(const Tube& tube) {
             {"sigma_m", Json::array()},
             {"node_covariance_m2", Json::array()},
             {"node_visible", tube.node_visible}};
-  for (const Eigen::Vector3d& p : tube.centerline_m) {
-    json["centerline_m"].push_back({micro(p.x()), micro(p.y()), micro(p.z())});
-  }
+  for (const Eigen::Vector3d& p : tube.centerline_m) json["centerline_m"].push_back(point_json(p));
   for (const double sigma : tube.sigma_m) json["sigma_m"].push_back(three_digits(sigma));
   for (const Eigen::Matrix3d& c : tube.node_covariance_m2) {
     json["node_covariance_m2"].push_back({three_digits(c(0, 0)), three_digits(c(0, 1)), three_digits(c(0, 2)),
@@ -86,6 +112,7 @@ Json tube_json(const Tube& tube) {
   for (const double radius : tube.node_radius_m) json["node_radius_m"].push_back(micro(radius));
   json["segments"] = Json::array();
   for (const Segment& segment : tube.segments) json["segments"].push_back(segment_json(segment));
+  if (!tube.bend_table.lra.empty()) json["bend_table"] = bend_table_json(tube.bend_table);
   return json;
 }
 
@@ -99,6 +126,29 @@ Segment segment_from(const Json& json) {
   return segment;
 }
 
+Eigen::Vector3d point_from(const Json& json) {
+  return {json.at(0).get<double>(), json.at(1).get<double>(), json.at(2).get<double>()};
+}
+
+BendTable bend_table_from(const Json& json) {
+  BendTable table;
+  for (const Json& p : json.at("xyz_m")) table.xyz_m.push_back(point_from(p));
+  for (const Json& j : json.at("lra")) {
+    BendRow row;
+    row.length_m = j.at("length_m").get<double>();
+    row.rotation_rad = j.at("rotation_rad").get<double>();
+    row.angle_rad = j.at("angle_rad").get<double>();
+    row.bend_radius_m = j.value("bend_radius_m", 0.0);
+    row.length_sigma_m = j.value("length_sigma_m", 0.0);
+    row.rotation_sigma_rad = j.value("rotation_sigma_rad", 0.0);
+    row.angle_sigma_rad = j.value("angle_sigma_rad", 0.0);
+    row.bend_radius_sigma_m = j.value("bend_radius_sigma_m", 0.0);
+    row.ill_conditioned = j.value("ill_conditioned", false);
+    table.lra.push_back(row);
+  }
+  return table;
+}
+
 Tube tube_from(const Json& json) {
   Tube tube;
   tube.id = json.at("id").get<std::int64_t>();
@@ -107,9 +157,7 @@ Tube tube_from(const Json& json) {
   tube.radius_sigma_m = json.at("radius_sigma_m").get<double>();
   tube.length_m = json.at("length_m").get<double>();
   tube.confidence = json.at("confidence").get<double>();
-  for (const Json& p : json.at("centerline_m")) {
-    tube.centerline_m.emplace_back(p.at(0).get<double>(), p.at(1).get<double>(), p.at(2).get<double>());
-  }
+  for (const Json& p : json.at("centerline_m")) tube.centerline_m.push_back(point_from(p));
   tube.sigma_m = json.at("sigma_m").get<std::vector<double>>();
   tube.node_visible = json.at("node_visible").get<std::vector<bool>>();
   tube.node_radius_m = json.value("node_radius_m", std::vector<double>());
@@ -119,6 +167,7 @@ Tube tube_from(const Json& json) {
         (Eigen::Matrix3d() << v[0], v[1], v[2], v[1], v[3], v[4], v[2], v[4], v[5]).finished());
   }
   for (const Json& segment : json.at("segments")) tube.segments.push_back(segment_from(segment));
+  if (json.contains("bend_table")) tube.bend_table = bend_table_from(json.at("bend_table"));
   return tube;
 }
 

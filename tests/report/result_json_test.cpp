@@ -101,6 +101,31 @@ TEST(ResultLine, EveryStateHiddenNodesAndAVaryingRadiusHoldAgainstTheSchemaAndRe
   EXPECT_EQ(schema_complaints(lines, folder.path()), "");
 }
 
+TEST(ResultLine, ABendTableHoldsAgainstTheSchemaAndReadsBack) {
+  TubeFrame frame = frame_with(TrackStatus::ok);
+  BendRow bend{0.2, -1.5707963, 1.05, 0.1, 0.000123456, 0.0123456, 0.00456789, 0.00078912, true};
+  BendRow closing;
+  closing.length_m = 0.15;
+  closing.length_sigma_m = 0.0002;
+  frame.tubes[0].bend_table = {{{0.1, -1e-9, 0.8}, {0.3, 0.0, 0.8}, {0.3, 0.2, 0.8}}, {bend, closing}};
+  const std::string line = result_line(frame, true);
+  EXPECT_THAT(
+      line,
+      HasSubstr(
+          R"("bend_table":{"xyz_m":[[0.1,0.0,0.8],[0.3,0.0,0.8],[0.3,0.2,0.8]],"lra":[)"
+          R"({"length_m":0.2,"rotation_rad":-1.570796,"angle_rad":1.05,"bend_radius_m":0.1,"length_sigma_m":0.000123,)"
+          R"("rotation_sigma_rad":0.0123,"angle_sigma_rad":0.00457,"bend_radius_sigma_m":0.000789,"ill_conditioned":true},)"
+          R"({"length_m":0.15,"rotation_rad":0.0,"angle_rad":0.0,"length_sigma_m":0.0002,"ill_conditioned":false}]}})"));
+  const auto again = parse_result_line(line);
+  ASSERT_TRUE(again) << again.error().message;
+  ASSERT_EQ(again->tubes[0].bend_table.lra.size(), 2U);
+  EXPECT_EQ(again->tubes[0].bend_table.lra[0].bend_radius_sigma_m, 0.000789);
+  EXPECT_TRUE(again->tubes[0].bend_table.lra[0].ill_conditioned);
+  EXPECT_EQ(result_line(*again, true), line);
+  const TemporaryFolder folder;
+  EXPECT_EQ(schema_complaints({line}, folder.path()), "");
+}
+
 TEST(ResultSchema, TakesTheLineOfTheDesign) {
   const std::string line =
       R"({"frame": 12, "timestamp_s": 1000.4, "frame_id": "camera", "status": "ok", "dropped": 0, "latency_ms": 2.1, )"

@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "tubetrack/tracker/bend_table.hpp"
+
 namespace tubetrack {
 
 namespace {
@@ -72,8 +74,15 @@ Tube result_of(const FollowedTube& followed, const HeightMap& map) {
   return tube;
 }
 
+void add_parts(Tube& tube) {
+  CenterlineParts parts = cut_into_parts(fitted_centerline(tube));
+  tube.segments = std::move(parts.segments);
+  tube.bend_table = parts.fitted ? bend_table_of(*parts.fitted) : BendTable{};
+}
+
 void move_to_world(Tube& tube, const Eigen::Isometry3d& world_from_camera) {
   for (Eigen::Vector3d& point : tube.centerline_m) point = world_from_camera * point;
+  for (Eigen::Vector3d& point : tube.bend_table.xyz_m) point = world_from_camera * point;
   for (Eigen::Matrix3d& covariance : tube.node_covariance_m2) {
     covariance = world_from_camera.linear() * covariance * world_from_camera.linear().transpose();
   }

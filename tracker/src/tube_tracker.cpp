@@ -128,6 +128,9 @@ void TubeTracker::report_known() {
   for (const FollowedTube& tube : s.known.tubes) {
     if (!tube.confirmed) continue;
     s.result.tubes.push_back(result_of(tube, s.map));
+    Stopwatch parts;
+    add_parts(s.result.tubes.back());  // section 3
+    parts.lap(s.result.stages.segment_ms);
     if (s.world_from_camera) move_to_world(s.result.tubes.back(), *s.world_from_camera);
   }
   std::sort(s.result.tubes.begin(), s.result.tubes.end(), [](const Tube& a, const Tube& b) { return a.id < b.id; });

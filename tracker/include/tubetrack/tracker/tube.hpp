@@ -19,6 +19,28 @@ struct Segment {
   double bend_angle_rad = 0.0;  ///< arcs only
 };
 
+/// A row of LRA: a bend with the straight before it, or the closing straight alone (angle 0). σ's are standard
+/// deviations.
+struct BendRow {
+  double length_m = 0.0;      ///< of the straight
+  double rotation_rad = 0.0;  ///< turn of the bend's plane about that straight since the bend before, right-handed
+                              ///< along the tube, in (−π, π]; 0 for the first
+  double angle_rad = 0.0;
+  double bend_radius_m = 0.0;  ///< of the centreline
+  double length_sigma_m = 0.0;
+  double rotation_sigma_rad = 0.0;
+  double angle_sigma_rad = 0.0;
+  double bend_radius_sigma_m = 0.0;
+  bool ill_conditioned = false;  ///< bend_table.hpp says when
+};
+
+/// The tables of tube bending. Empty where the tube has a `free` part or none were found.
+struct BendTable {
+  std::vector<Eigen::Vector3d> xyz_m;  ///< the tube's ends, and between them where each bend's straights intersect; a
+                                       ///< bend above 150° counts as two halves
+  std::vector<BendRow> lra;            ///< one a bend, and the closing length
+};
+
 /// One tube of one frame. Points are in the frame that TubeFrame::frame_id names; all vectors have one entry a node.
 struct Tube {
   std::int64_t id = 0;
@@ -33,6 +55,7 @@ struct Tube {
   std::vector<bool> node_visible;
   std::vector<double> node_radius_m;  ///< tubes of varying radius only; empty: radius_m everywhere
   std::vector<Segment> segments;
+  BendTable bend_table;
 };
 
 enum class TrackStatus { ok, empty, corrupt, no_pose, deadline };

@@ -1,0 +1,12 @@
+#pragma once
+
+#include "tubetrack/tracker/segments.hpp"
+
+namespace tubetrack {
+
+/// Simpler chains that may do as well: without a bend whose angle, without a straight whose length, or with two
+/// neighbouring bends made one whose distance and difference in plane, the nodes hardly tell from 0. The likeliest
+/// first.
+std::vector<PartChain> simpler_chains(const FittedChain& fitted);
+
+}  // namespace tubetrack

@@ -1,0 +1,46 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <vector>
+
+#include "tubetrack/tracker/segments.hpp"
+
+namespace tubetrack {
+
+/// The places of a chain's parameters in its vector: the start's shift across (along `towards`, then along
+/// `direction` × `towards`), its turn (about the same two), then four a bend.
+inline constexpr Eigen::Index kStartParameters = 4;
+inline constexpr Eigen::Index kBendParameters = 4;
+enum class BendParameter : Eigen::Index { straight = 0, rotation = 1, log_radius = 2, angle = 3 };
+
+inline Eigen::Index place_of(std::size_t bend, BendParameter parameter) {
+  return kStartParameters + kBendParameters * static_cast<Eigen::Index>(bend) + static_cast<Eigen::Index>(parameter);
+}
+Eigen::Index parameter_count(const PartChain& chain);
+
+/// The motion of a point that is carried along: `turn` × point + `shift` + `stretch` · point, points from the start.
+struct Carry {
+  Eigen::Vector3d turn = Eigen::Vector3d::Zero();
+  Eigen::Vector3d shift = Eigen::Vector3d::Zero();
+  double stretch = 0.0;
+};
+
+/// What each parameter does to all that lies behind its bend.
+std::vector<Carry> carries_of(const PlacedChain& placed, const PartChain& chain);
+
+/// Residual of one node and the two directions that it is measured along.
+struct Probe {
+  ChainPoint point;
+  Eigen::Matrix<double, 2, 3> along;  ///< whitened
+  Eigen::Vector2d residual;
+};
+
+/// At the node's foot on the chain; weighted by the node's covariance and a floor.
+Probe probe_of(const PlacedChain& placed, const MeasuredCenterline& line, std::size_t node, double foot_m);
+
+/// Whitened residuals of all nodes at their feet (two a node), which are first brought nearer by a Newton step, and
+/// their derivatives. Returns the sum of their squares.
+double evaluate(const PartChain& chain, const MeasuredCenterline& line, std::vector<double>& foot_m,
+                Eigen::VectorXd& residual, Eigen::MatrixXd& jacobian);
+
+}  // namespace tubetrack
