@@ -63,6 +63,7 @@ void add(Figures& sum, const Figures& part) {
   append(sum.bound_rms_m, part.bound_rms_m);
   append(sum.radius_sigma_over_bound, part.radius_sigma_over_bound);
   append(sum.radius_bound_m, part.radius_bound_m);
+  add(sum.bends, part.bends);
   append(sum.frame_ms, part.frame_ms);
   append(sum.stages, part.stages);
 }

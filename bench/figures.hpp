@@ -3,6 +3,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "bend_errors.hpp"
 #include "tubetrack/report/calibration.hpp"
 #include "tubetrack/report/cramer_rao.hpp"
 #include "tubetrack/report/score.hpp"
@@ -20,6 +21,7 @@ struct Figures {
   std::vector<double> bound_rms_m;              ///< one a visible node: the bound on the distance to the truth
   std::vector<double> radius_sigma_over_bound;  ///< one a true tube reported
   std::vector<double> radius_bound_m;           ///< one a true tube reported
+  BendErrors bends;
   std::vector<double> frame_ms;
   std::vector<StageTimes> stages;
 };

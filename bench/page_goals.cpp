@@ -2,6 +2,7 @@
 
 #include <cmath>
 #include <functional>
+#include <numbers>
 
 #include "goals.hpp"
 #include "markdown.hpp"
@@ -37,6 +38,8 @@ double of(const Figures& figures, double value) {
   return figures.frames > 0 ? value : kNoGoal;
 }
 
+constexpr double kDegree = std::numbers::pi / 180.0;
+
 double off_95_percent(const Figures& figures) {
   return std::abs(figures.calibration.nodes_inside() - 0.95);
 }
@@ -71,6 +74,14 @@ std::vector<Line> sequence_lines() {
        [](const Goals& g) { return g.radius_last_m; }},
       {"frame 30: share of truth inside the 95 % interval, off 95 % by", "≤ 2 points", 0.01, 1,
        [](const RowReport& r) { return off_95_percent(last(r)); }, asked_off_95_percent},
+      {"frame 30: bend angle error, median", "≤ 0.3°", kDegree, 2,
+       [](const RowReport& r) { return median(last(r).bends.angle_rad); }, [](const Goals&) { return 0.3 * kDegree; }},
+      {"frame 30: bend radius error, median", "≤ 2 %", 0.01, 2,
+       [](const RowReport& r) { return median(last(r).bends.bend_radius_relative); },
+       [](const Goals&) { return 0.02; }},
+      {"frame 30: rotation error, median", "≤ 0.5°", kDegree, 2,
+       [](const RowReport& r) { return median(last(r).bends.rotation_rad); },
+       [](const Goals&) { return 0.5 * kDegree; }},
       {"30 frames: coverage", "≥ 97 %", 0.01, 1, [](const RowReport& r) { return whole(r).score.coverage(); },
        [](const Goals& g) { return g.least_coverage; }, true},
       {"30 frames: false length", "≤ 0.5 %", 0.01, 2, [](const RowReport& r) { return whole(r).score.false_length(); },

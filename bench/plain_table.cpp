@@ -3,10 +3,15 @@
 #include <fmt/format.h>
 
 #include <iterator>
+#include <numbers>
 
 #include "markdown.hpp"
 
 namespace tubetrack::bench {
+
+namespace {
+constexpr double kDegrees = 180.0 / std::numbers::pi;
+}  // namespace
 
 std::string plain_header() {
   return fmt::format(
@@ -44,6 +49,12 @@ std::string plain_line(std::string_view row, std::string_view what, const Figure
                  f.score.switches, f.score.transfers, number(median(f.frame_ms), 1), number(s.update_ms, 1),
                  number(s.normals_ms, 1), number(s.accumulate_ms, 1), number(s.trace_ms, 1), number(s.fit_ms, 1),
                  number(s.segment_ms, 1));
+  if (f.bends.tubes > 0) {
+    fmt::format_to(out, "{:30} | bends: {} of {} tubes with the right number; medians {}°, {} % of the radius, {}°\n",
+                   "", f.bends.tubes_right, f.bends.tubes, number(kDegrees * median(f.bends.angle_rad), 2),
+                   number(100.0 * median(f.bends.bend_radius_relative), 2),
+                   number(kDegrees * median(f.bends.rotation_rad), 2));
+  }
   return text;
 }
 
