@@ -74,6 +74,20 @@ TEST(Drift, FramesCarriedAnewAreThoseThatWereCarriedSoFromTheStart) {
   EXPECT_LT((late.seen - expected - early.seen).norm(), 1e-3 * expected.norm());
 }
 
+TEST(Drift, ALongerOrShorterSplineChangesNothingThatWasSeen) {
+  for (const int front : {-1, 1}) {
+    for (const int back : {-1, 0, 1}) {
+      Drift drift = drift_over(30, kCreep, {}, 1e-5);
+      const Vector3d middle = middle_of(drift.anchor);
+      respan(drift, front, back);
+      const Twist found = judge_velocity(drift, {}).change_per_s;
+      const Vector3d expected = kCreep.shift_m + kCreep.turn_rad.cross(middle_of(drift.anchor) - middle);
+      EXPECT_LT((found.shift_m - expected).norm(), 1e-6) << front << back;
+      EXPECT_LT((found.turn_rad - kCreep.turn_rad).norm(), 1e-5) << front << back;
+    }
+  }
+}
+
 // For n frames at equal distances, not knowing the velocity makes the place at the last of them 4 n / (n + 1) … times
 // less sure in variance: (4 n − 2) / (n (n + 1)) against 1 / n.
 TEST(Drift, NotKnowingTheVelocityAddsWhatARegressionLineSays) {

@@ -53,6 +53,24 @@ void fade(Drift& drift, double factor) {
   drift.seen_by_age *= factor;
 }
 
+void respan(Drift& drift, int front, int back) {
+  if (drift.anchor.spline.control_m.empty()) return;  // not started
+  const Eigen::Vector3d middle = middle_of(drift.anchor);
+  auto& control = drift.anchor.spline.control_m;
+  if (front < 0) control.erase(control.begin(), control.begin() - front);
+  if (back < 0) control.erase(control.end() + back, control.end());
+  for (; front > 0; --front) extend(drift.anchor.spline, true, false);
+  for (; back > 0; --back) extend(drift.anchor.spline, false, true);
+  // The same motion, told as a turn about the new middle: what it turns by shifts the old one less.
+  Matrix7 old_from_new = Matrix7::Identity();
+  old_from_new.block<3, 3>(0, 3) = cross_matrix(middle_of(drift.anchor) - middle);
+  for (Matrix7* sum : {&drift.information, &drift.by_age, &drift.by_age2}) {
+    *sum = old_from_new.transpose() * *sum * old_from_new;
+  }
+  drift.seen = old_from_new.transpose() * drift.seen;
+  drift.seen_by_age = old_from_new.transpose() * drift.seen_by_age;
+}
+
 void turn(Drift& drift, const Eigen::Matrix3d& new_from_old) {
   Matrix7 rotation = Matrix7::Identity();
   rotation.block<3, 3>(0, 0) = rotation.block<3, 3>(3, 3) = new_from_old;

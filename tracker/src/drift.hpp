@@ -17,6 +17,10 @@ void age(Drift& drift, double elapsed_s);
 /// Makes what older frames say count less, by a factor.
 void fade(Drift& drift, double factor);
 
+/// Gives the anchor so many control points more (or, below 0, fewer) at either end, straight on. What was seen stays.
+/// Nothing happens before `start_drift`.
+void respan(Drift& drift, int front, int back);
+
 /// Carries it (but for its anchor) into another frame of reference.
 void turn(Drift& drift, const Eigen::Matrix3d& new_from_old);
 

@@ -1,5 +1,6 @@
 #include "followed_extent.hpp"
 
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
 
@@ -85,6 +86,7 @@ Extent confirmed_extent(const std::vector<Station>& stations, const Extent& befo
 
 void fit_spline_to_extent(FollowedTube& tube) {
   auto& q = tube.model.spline.control_m;
+  const Eigen::Vector3d middle = middle_of(tube.model);
   int front = 0;
   int back = 0;
   while (q.size() > 6 && tube.model.spline.spans() - tube.extent.t_end > 2.5) {
@@ -113,7 +115,8 @@ void fit_spline_to_extent(FollowedTube& tube) {
   tube.quality.observed = resized(tube.quality.observed, front, back);
   tube.quality.covariance = resized(tube.quality.covariance, front, back, far2);
   tube.anchor = tube.model;
-  start_drift(tube.drift, tube.model);
+  respan(tube.drift, front, back);
+  tube.velocity.shift_m_s -= (middle_of(tube.model) - middle).cross(tube.velocity.turn_rad_s);
 }
 
 }  // namespace tubetrack

@@ -10,6 +10,8 @@ namespace {
 using Matrix6 = Eigen::Matrix<double, 6, 6>;
 using Matrix7 = Eigen::Matrix<double, 7, 7>;
 
+}  // namespace
+
 Eigen::Vector3d middle_of(const TubeModel& model) {
   Eigen::Vector3d sum = Eigen::Vector3d::Zero();
   for (const Eigen::Vector3d& control : model.spline.control_m) sum += control;
@@ -21,8 +23,6 @@ Eigen::Matrix3d cross_matrix(const Eigen::Vector3d& v) {
   m << 0.0, -v.z(), v.y(), v.z(), 0.0, -v.x(), -v.y(), v.x(), 0.0;
   return m;
 }
-
-}  // namespace
 
 Eigen::MatrixXd by_motion(const TubeModel& model) {
   const auto& q = model.spline.control_m;

@@ -16,6 +16,11 @@ struct Twist {
 
 void move(TubeModel& model, const Twist& twist);
 
+/// Mean of the control points: what a tube turns about.
+Eigen::Vector3d middle_of(const TubeModel& model);
+
+Eigen::Matrix3d cross_matrix(const Eigen::Vector3d& v);
+
 /// Change of all parameters (in Information's order) by a twist and the radius: 7 columns.
 Eigen::MatrixXd by_motion(const TubeModel& model);
 
