@@ -93,9 +93,9 @@ std::optional<FoundTube> fit_seed(const HeightMap& map, const TrackerConfig& con
 }
 
 /// Pixels and stations of the present model, and how far along it the image confirms it.
-std::vector<Station> look(const HeightMap& map, const TrackerConfig& config, FoundTube& found) {
-  found.pixels = predict_pixels(map, config.noise, found.model);
-  const double station_m = station_length_m(map, found.model);
+std::vector<Station> look(const HeightMap& map, const TrackerConfig& config, int stride, FoundTube& found) {
+  predict_pixels(map, config.noise, found.model, stride, found.pixels);
+  const double station_m = stride * station_length_m(map, found.model);
   auto stations = stations_of(map, found.model, found.pixels, station_m);
   found.extent = seen_extent(stations, station_m, 4.0 * found.model.radius_m);
   cut_at_kinks(found.model, found.extent);
@@ -132,10 +132,27 @@ std::optional<std::string> why_no_surface(const FoundTube& found, const TrackerC
   return std::nullopt;
 }
 
+/// What neither growing on nor a closer look repairs: the bounds of `why_no_surface`, with a margin.
+bool hopeless(const FoundTube& found, const TrackerConfig& config) {
+  const Evidence& e = found.evidence;
+  const double radius = found.model.radius_m;
+  const bool in_range = radius > 0.75 * config.radius_min_m && radius < 1.25 * config.radius_max_m;
+  return !in_range || e.length_m < 0.6 * std::max(config.min_length_radii * radius, config.min_length_m) ||
+         e.min_bend_radii < 0.75 * config.min_bend_radii || e.arc_rad < 1.4 ||
+         std::abs(e.taper) - 2.0 * e.taper_sigma > 0.11 || e.support < 0.7 || e.profile_rms_radii > 0.09 ||
+         e.noise_ratio > 2.0;
+}
+
+/// How long it is grown: until its length stays, in more rounds than the first and at most the second number.
+struct Rounds {
+  int before_settled = 4;
+  int at_most = 40;
+};
+
 /// Looks how far the image confirms the tube, fits to that part alone, lengthens or shortens it, until it stays. What
 /// is not confirmed yet (the table under a can, its lid) must not pull at the fit.
-std::optional<FoundTube> grow_model(const HeightMap& map, const TrackerConfig& config, TubeModel model) {
-  constexpr int kMaxRounds = 40;
+std::optional<FoundTube> grow_until_settled(const HeightMap& map, const TrackerConfig& config, TubeModel model,
+                                            int stride, const Rounds& rounds) {
   constexpr int kMaxSwings = 4;  // a tube that was followed too far comes back once
   FoundTube found;
   found.model = std::move(model);
@@ -143,10 +160,10 @@ std::optional<FoundTube> grow_model(const HeightMap& map, const TrackerConfig& c
   options.radius_m = config.radius_m;
   options.radius_min_m = 0.5 * config.radius_min_m;
   options.radius_max_m = 1.5 * config.radius_max_m;
-  std::vector<Station> stations = look(map, config, found);
+  std::vector<Station> stations = look(map, config, stride, found);
   double length_before_m = 0.0;
   int swings = 0;
-  for (int round = 0; round < kMaxRounds; ++round) {
+  for (int round = 0; round < rounds.at_most; ++round) {
     if (found.extent.t_end <= found.extent.t_begin) return std::nullopt;
     const double gate_m = (round == 0 ? 0.2 : 0.1) * found.model.radius_m;
     auto observations = select_observations(map, config.noise, found.pixels, gate_m, 4.0);
@@ -159,19 +176,41 @@ std::optional<FoundTube> grow_model(const HeightMap& map, const TrackerConfig& c
     auto quality = fit_tube(found.model, observations, options);
     if (!quality) return std::nullopt;
     found.quality = std::move(*quality);
-    stations = look(map, config, found);
+    stations = look(map, config, stride, found);
     const double length_m = (found.extent.t_end - found.extent.t_begin) * spacing_m(found.model.spline);
     const bool settled = std::abs(length_m - length_before_m) < 0.1 * found.model.radius_m;
     if (round > 3 && length_m < length_before_m - found.model.radius_m && ++swings == kMaxSwings) return std::nullopt;
-    if ((settled && round >= 4) || round + 1 == kMaxRounds) break;
+    if ((settled && round >= rounds.before_settled) || round + 1 == rounds.at_most) break;
     length_before_m = length_m;
     reach_beyond(found.model.spline, found.extent);
     if (spacing_m(found.model.spline) < 1e-4) return std::nullopt;
-    stations = look(map, config, found);
+    stations = look(map, config, stride, found);
   }
   if (found.extent.t_end <= found.extent.t_begin) return std::nullopt;
   found.evidence = surface_evidence(map, config.noise, found.model, found.pixels, stations, found.extent);
-  if (!why_no_surface(found, config)) look_beside(map, config.noise, found.model, found.extent, found.evidence);
+  return found;
+}
+
+/// A thick tube has more pixels than growing needs: with every so manieth, twenty are left across it.
+int growing_stride(const HeightMap& map, const TubeModel& model) {
+  const double depth_m = std::max(point_at(model.spline, 0.5 * model.spline.spans()).z(), 0.05);
+  return std::clamp(static_cast<int>(2.0 * model.radius_m * map.intrinsics.fx_px / depth_m / 20.0), 1, 3);
+}
+
+/// Grows to the full length with a part of the pixels, where that is worth it, and then with all.
+std::optional<FoundTube> grow_model(const HeightMap& map, const TrackerConfig& config, TubeModel model) {
+  const int stride = growing_stride(map, model);
+  if (stride > 1) {
+    auto coarse = grow_until_settled(map, config, std::move(model), stride, {});
+    if (!coarse) return std::nullopt;
+    if (hopeless(*coarse, config) && !silhouette_radius_m(coarse->evidence, coarse->model.radius_m))
+      return std::nullopt;
+    model = std::move(coarse->model);
+  }
+  auto found = grow_until_settled(map, config, std::move(model), 1, stride > 1 ? Rounds{1, 3} : Rounds{});
+  if (found && !why_no_surface(*found, config)) {
+    look_beside(map, config.noise, found->model, found->extent, found->evidence);
+  }
   return found;
 }
 

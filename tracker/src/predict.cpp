@@ -132,12 +132,6 @@ std::vector<Outlined> outline_all(const Intrinsics& in, const TubeModel& model) 
   return all;
 }
 
-double area_of(const Quad& quad) {
-  const Eigen::Vector2d a = quad[2] - quad[0];
-  const Eigen::Vector2d b = quad[3] - quad[1];
-  return 0.5 * std::abs(a.x() * b.y() - a.y() * b.x());
-}
-
 /// Where a row passes through an outline.
 Range columns_in(const Quad& quad, int v, int width) {
   double left = 1e9, right = -1e9;
@@ -194,18 +188,15 @@ void take_pixels(PredictedRow& row, Range touched, std::size_t first_cell, int s
 
 }  // namespace
 
-std::vector<PredictedPixel> predict_pixels(const HeightMap& map, const NoiseModel& noise, const TubeModel& model,
-                                           int stride) {
+void predict_pixels(const HeightMap& map, const NoiseModel& noise, const TubeModel& model, int stride,
+                    std::vector<PredictedPixel>& pixels) {
   const Intrinsics& in = map.intrinsics;
   const std::vector<Outlined> outlined = outline_all(in, model);
   Range rows{in.height, 0};
   for (const Outlined& one : outlined) {
     rows = {std::min(rows.begin, one.rows.begin), std::max(rows.end, one.rows.end)};
   }
-  double area_px = 0.0;
-  for (const Outlined& one : outlined) area_px += area_of(one.quad);
-  std::vector<PredictedPixel> pixels;
-  pixels.reserve(static_cast<std::size_t>(std::min(area_px, 1.0 * in.width * in.height) / (stride * stride)));
+  pixels.clear();
   PredictedRow row = make_row(in.width);
   for (int v = divided_up(rows.begin, stride) * stride; v < rows.end; v += stride) {
     const Range touched = intersect_all(map, outlined, static_cast<float>(model.radius_m), v, stride, row);
@@ -213,6 +204,12 @@ std::vector<PredictedPixel> predict_pixels(const HeightMap& map, const NoiseMode
     judge_row(noise, in.fx_px, model.radius_m, touched.begin, touched.end, row);
     take_pixels(row, touched, map.cell(0, v), stride, pixels);
   }
+}
+
+std::vector<PredictedPixel> predict_pixels(const HeightMap& map, const NoiseModel& noise, const TubeModel& model,
+                                           int stride) {
+  std::vector<PredictedPixel> pixels;
+  predict_pixels(map, noise, model, stride, pixels);
   return pixels;
 }
 
