@@ -152,6 +152,14 @@ int divided_up(int from, int stride) {
   return (from + stride - 1) / stride;
 }
 
+void take_rays(const HeightMap& map, int v, int stride, const Range& pixels, PredictedRow& row) {
+  for (int i = pixels.begin; i < pixels.end; ++i) {
+    const Eigen::Vector2f& ray = map.rays[map.cell(i * stride, v)];
+    row.ray_x[static_cast<std::size_t>(i)] = ray.x();
+    row.ray_y[static_cast<std::size_t>(i)] = ray.y();
+  }
+}
+
 /// Intersects the pixels of row v with every piece, and tells which pixels that may have been: in strides.
 Range intersect_all(const HeightMap& map, const std::vector<Outlined>& outlined, float radius_m, int v, int stride,
                     PredictedRow& row) {
@@ -163,12 +171,10 @@ Range intersect_all(const HeightMap& map, const std::vector<Outlined>& outlined,
     const int begin = divided_up(columns.begin, stride);
     const int end = divided_up(columns.end, stride);
     if (begin >= end) continue;
+    if (touched.begin >= touched.end) touched = {begin, begin};
+    take_rays(map, v, stride, {begin, touched.begin}, row);
+    take_rays(map, v, stride, {touched.end, end}, row);
     touched = {std::min(touched.begin, begin), std::max(touched.end, end)};
-    for (int i = begin; i < end; ++i) {
-      const Eigen::Vector2f& ray = map.rays[map.cell(i * stride, v)];
-      row.ray_x[static_cast<std::size_t>(i)] = ray.x();
-      row.ray_y[static_cast<std::size_t>(i)] = ray.y();
-    }
     intersect_row(one.piece, radius_m, begin, end, row);
   }
   return touched;
