@@ -184,7 +184,7 @@ int AccumulationMap::box_votes(const VoxelIndex& index, int half) const {
         const auto [x_first, x_last] = within(bx, first.x, last.x);
         for (int z = z_first; z <= z_last; ++z) {
           for (int y = y_first; y <= y_last; ++y) {
-            const std::int32_t* row = &block->votes[static_cast<std::size_t>((z * kSide + y) * kSide)];
+            const std::int32_t* row = block->votes.data() + (z * kSide + y) * kSide;
             for (int x = x_first; x <= x_last; ++x) sum += row[x];
           }
         }
