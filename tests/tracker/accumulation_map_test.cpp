@@ -151,7 +151,10 @@ RC_GTEST_PROP(AccumulationMap, ABoxIsTheSumOfItsVoxels, (const Records& records)
   const AccumulationMap map = map_of(records);
   const DenseMap expected = dense(records);
   for (const auto& [at, voxel] : expected) {
-    for (const int half : {0, 1, 2}) RC_ASSERT(map.box(at, half) == box_of(expected, at, half));
+    for (const int half : {0, 1, 2}) {
+      RC_ASSERT(map.box(at, half) == box_of(expected, at, half));
+      RC_ASSERT(map.box_votes(at, half) == box_of(expected, at, half).votes);
+    }
   }
 }
 

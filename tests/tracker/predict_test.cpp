@@ -140,6 +140,31 @@ TEST(PredictPixels, OfABentTubeAreWhereARayWalkedInSmallStepsEnters) {
   }
 }
 
+TEST(PredictPixels, WithAStrideAreEverySoManiethOfAll) {
+  std::mt19937_64 random(7);
+  const HeightMap map = make_height_map(kCamera);
+  const auto axis = course_points(Course::torus, 0.02, 0.01, random_pose(random));
+  std::vector<Vector3d> line;
+  for (const AxisPoint& point : axis) line.push_back(point.position_m);
+  const TubeModel model{spline_along(line, 0.025), 0.02};
+  const auto all = predict_pixels(map, NoiseModel{}, model);
+  std::vector<PredictedPixel> some;
+  for (const int stride : {1, 2, 3}) {
+    std::vector<PredictedPixel> wanted;
+    std::copy_if(all.begin(), all.end(), std::back_inserter(wanted), [&](const PredictedPixel& pixel) {
+      return static_cast<int>(pixel.cell % 320) % stride == 0 && static_cast<int>(pixel.cell / 320) % stride == 0;
+    });
+    predict_pixels(map, NoiseModel{}, model, stride, some);
+    ASSERT_EQ(some.size(), wanted.size());
+    for (std::size_t i = 0; i < some.size(); ++i) {
+      EXPECT_EQ(some[i].cell, wanted[i].cell);
+      EXPECT_EQ(some[i].depth_m, wanted[i].depth_m);
+      EXPECT_EQ(some[i].sigma_m, wanted[i].sigma_m);
+      EXPECT_EQ(some[i].lateral, wanted[i].lateral);
+    }
+  }
+}
+
 TEST(PredictPixels, ATubeThatComesUpToTheCameraIsLeftOutThere) {
   const HeightMap map = make_height_map(kCamera);
   const auto pixels = predict_pixels(map, NoiseModel{}, straight_model({0.0, 0.05, 0.3}, Vector3d::UnitZ(), 0.4, 0.02));

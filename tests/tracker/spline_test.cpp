@@ -51,6 +51,17 @@ RC_GTEST_PROP(Spline, DerivativeIsTheSlopeOfThePoint, (std::uint64_t seed)) {
   RC_ASSERT((slope - derivative_at(spline, t)).norm() < 1e-8);
 }
 
+RC_GTEST_PROP(Spline, PolynomialsOfItsSpansAreTheCurve, (std::uint64_t seed)) {
+  const Spline spline = random_spline(seed);
+  const auto polynomials = polynomials_of(spline);
+  RC_ASSERT(static_cast<double>(polynomials.size()) == spline.spans());
+  const double t = any_parameter(spline);
+  const std::size_t span = std::min(static_cast<std::size_t>(t), polynomials.size() - 1);
+  const double s = t - static_cast<double>(span);
+  const auto& [c0, c1, c2, c3] = polynomials[span];
+  RC_ASSERT((c0 + s * (c1 + s * (c2 + s * c3)) - point_at(spline, t)).norm() < 1e-14);
+}
+
 TEST(Spline, RunsOnWithoutAJumpFromSpanToSpan) {
   const Spline spline = random_spline(5);
   for (double knot = 1.0; knot < spline.spans(); knot += 1.0) {

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <utility>
 
 namespace tubetrack {
 
@@ -27,13 +28,6 @@ VoxelIndex voxel_at_step(const VoteRecord& r, int step) {
 }
 
 }  // namespace
-
-Voxel& Voxel::operator+=(const Voxel& other) {
-  votes += other.votes;
-  steps += other.steps;
-  for (std::size_t i = 0; i < moments.size(); ++i) moments[i] += other.moments[i];
-  return *this;
-}
 
 VoxelAxis axis_of(const Voxel& voxel) {
   Eigen::Matrix3d m;
@@ -127,10 +121,12 @@ void AccumulationMap::cast(const VoteRecord& record, int sign) {
       key = here;
       block = &take_block(key);
     }
-    Voxel& voxel = block->voxels[static_cast<std::size_t>(local_index(index))];
+    const auto local = static_cast<std::size_t>(local_index(index));
+    Voxel& voxel = block->voxels[local];
     const bool was_filled = voxel != Voxel{};
     vote.steps = weight * step;
     voxel += vote;
+    block->votes[local] = voxel.votes;
     block->filled += static_cast<int>(voxel != Voxel{}) - static_cast<int>(was_filled);
   }
   if (block) leave_block(key, *block);
@@ -169,32 +165,70 @@ Eigen::Vector3d AccumulationMap::center_of(const VoxelIndex& index) const {
   return Eigen::Vector3d(index.x + 0.5, index.y + 0.5, index.z + 0.5) * cell_m_;
 }
 
+int AccumulationMap::box_votes(const VoxelIndex& index, int half) const {
+  const VoxelIndex first{index.z - half, index.y - half, index.x - half};
+  const VoxelIndex last{index.z + half, index.y + half, index.x + half};
+  const VoxelIndex first_key = block_key(first);
+  const VoxelIndex last_key = block_key(last);
+  const auto within = [](int key, int low, int high) {
+    return std::pair{std::max(low - key * kSide, 0), std::min(high - key * kSide, kSide - 1)};
+  };
+  int sum = 0;
+  for (int bz = first_key.z; bz <= last_key.z; ++bz) {
+    for (int by = first_key.y; by <= last_key.y; ++by) {
+      for (int bx = first_key.x; bx <= last_key.x; ++bx) {
+        const Block* block = block_at({bz, by, bx});
+        if (!block) continue;
+        const auto [z_first, z_last] = within(bz, first.z, last.z);
+        const auto [y_first, y_last] = within(by, first.y, last.y);
+        const auto [x_first, x_last] = within(bx, first.x, last.x);
+        for (int z = z_first; z <= z_last; ++z) {
+          for (int y = y_first; y <= y_last; ++y) {
+            const std::int32_t* row = block->votes.data() + (z * kSide + y) * kSide;
+            for (int x = x_first; x <= x_last; ++x) sum += row[x];
+          }
+        }
+      }
+    }
+  }
+  return sum;
+}
+
 std::vector<VoxelIndex> AccumulationMap::peaks(int min_votes, int box_half) const {
   struct Candidate {
     int votes;
     VoxelIndex index;
   };
+  constexpr std::size_t kVoxels = kSide * kSide * kSide;
   const int side = 2 * box_half + 1;
   const int own_votes = std::max(1, min_votes / (side * side * side));
-  std::unordered_map<VoxelIndex, int, Hash> sums;
+  std::vector<int> sums(blocks_.size() * kVoxels, 0);  // of candidates; 0 elsewhere
   std::vector<Candidate> candidates;
   for (const auto& [key, block] : block_of_) {
+    const Block& here = blocks_[block];
     for (int i = 0; i < kSide * kSide * kSide; ++i) {
-      if (blocks_[block].voxels[static_cast<std::size_t>(i)].votes < own_votes) continue;
+      const auto at = static_cast<std::size_t>(i);
+      if (here.votes[at] < own_votes) continue;
       const VoxelIndex index{key.z * kSide + i / 64, key.y * kSide + i / 8 % 8, key.x * kSide + i % 8};
-      const int votes = box(index, box_half).votes;
+      const int votes = box_votes(index, box_half);
       if (votes < min_votes) continue;
-      sums.emplace(index, votes);
+      sums[block * kVoxels + at] = votes;
       candidates.push_back({votes, index});
     }
   }
   const auto beaten = [&](const Candidate& candidate) {
+    VoxelIndex key = block_key(candidate.index);
+    auto block = block_of_.find(key);
     for (int i = 0; i < 27; ++i) {
       const VoxelIndex other{candidate.index.z + i / 9 - 1, candidate.index.y + i / 3 % 3 - 1,
                              candidate.index.x + i % 3 - 1};
-      const auto found = sums.find(other);
-      if (found == sums.end()) continue;
-      if (found->second > candidate.votes || (found->second == candidate.votes && other < candidate.index)) return true;
+      if (const VoxelIndex here = block_key(other); here != key) {
+        key = here;
+        block = block_of_.find(key);
+      }
+      if (block == block_of_.end()) continue;
+      const int votes = sums[block->second * kVoxels + static_cast<std::size_t>(local_index(other))];
+      if (votes > candidate.votes || (votes == candidate.votes && other < candidate.index)) return true;
     }
     return false;
   };

@@ -7,65 +7,9 @@
 #include <numbers>
 #include <span>
 
+#include "shape_sums.hpp"
+
 namespace tubetrack {
-
-namespace {
-
-constexpr float kCos75 = 0.2588F;
-
-double arc_length_m(const Spline& spline, double t_begin, double t_end) {
-  constexpr int kSteps = 200;
-  double length = 0.0;
-  Eigen::Vector3d from = point_at(spline, t_begin);
-  for (int i = 1; i <= kSteps; ++i) {
-    const Eigen::Vector3d to = point_at(spline, t_begin + (t_end - t_begin) * i / kSteps);
-    length += (to - from).norm();
-    from = to;
-  }
-  return length;
-}
-
-/// Sums for the line off = a + flatness · R · cos φ by least squares, φ the angle around the section.
-struct ShapeSums {
-  double n = 0.0, c = 0.0, cc = 0.0, r = 0.0, cr = 0.0;
-
-  void add(double cos_angle, double off, double weight) {
-    n += weight;
-    c += weight * cos_angle;
-    cc += weight * cos_angle * cos_angle;
-    r += weight * off;
-    cr += weight * cos_angle * off;
-  }
-  ShapeSums& operator+=(const ShapeSums& other) {
-    n += other.n;
-    c += other.c;
-    cc += other.cc;
-    r += other.r;
-    cr += other.cr;
-    return *this;
-  }
-  double spread() const { return cc - c * c / std::max(n, 1e-12); }
-  double slope() const { return spread() > 1e-9 ? (cr - c * r / n) / spread() : 0.0; }
-  double slope_sigma() const { return spread() > 1e-9 ? 1.0 / std::sqrt(spread()) : 1e3; }
-  /// In radii when the offs were; 0 where it is less than twice its σ.
-  double flatness() const { return std::abs(slope()) > 2.0 * slope_sigma() ? slope() : 0.0; }
-};
-
-/// How far a reading may stray and still be this tube's.
-double agreement_m(const TubeModel& model, const PredictedPixel& pixel) {
-  return 3.5 * pixel.sigma_m + 0.05 * model.radius_m;
-}
-
-/// A reading of the tube or of what may stand in its place.
-void add_to_shape(const TubeModel& model, const PredictedPixel& pixel, double off_m, ShapeSums& shape) {
-  const double sigma_m = pixel.sigma_m;
-  if (std::abs(off_m) > 0.6 * model.radius_m + 4.0 * sigma_m) return;
-  const double cos_angle = std::sqrt(std::max(0.0, 1.0 - 1.0 * pixel.lateral * pixel.lateral));
-  const double radii = pixel.across / model.radius_m;
-  shape.add(cos_angle, off_m * radii, 1.0 / (sigma_m * sigma_m * radii * radii));
-}
-
-}  // namespace
 
 double min_bend_radii(const TubeModel& model, const Extent& extent) {
   const double length_m = arc_length_m(model.spline, extent.t_begin, extent.t_end);
@@ -80,70 +24,6 @@ double min_bend_radii(const TubeModel& model, const Extent& extent) {
   return 1.0 / sharpest;
 }
 
-double station_length_m(const HeightMap& map, const TubeModel& model) {
-  const Eigen::Vector3d middle = point_at(model.spline, 0.5 * model.spline.spans());
-  return std::max(0.002, 2.0 * middle.z() / map.intrinsics.fx_px);
-}
-
-std::vector<Station> stations_of(const HeightMap& map, const TubeModel& model,
-                                 const std::vector<PredictedPixel>& predicted, double length_m) {
-  const double spans = model.spline.spans();
-  const int count = std::max(1, static_cast<int>(std::ceil(arc_length_m(model.spline, 0.0, spans) / length_m)));
-  std::vector<Station> stations(static_cast<std::size_t>(count));
-  for (int i = 0; i < count; ++i) stations[static_cast<std::size_t>(i)].t = (i + 0.5) * spans / count;
-  std::vector<ShapeSums> shapes(stations.size());
-  for (const PredictedPixel& pixel : predicted) {
-    if (pixel.cos_incidence < kCos75) continue;
-    const int at = std::clamp(static_cast<int>(pixel.t / spans * count), 0, count - 1);
-    Station& station = stations[static_cast<std::size_t>(at)];
-    ++station.expected;
-    const float measured = map.depth_m[pixel.cell];
-    if (measured <= 0.0F) continue;
-    const double off = measured - pixel.depth_m;
-    const double allowed = agreement_m(model, pixel);
-    add_to_shape(model, pixel, off, shapes[static_cast<std::size_t>(at)]);
-    ++(std::abs(off) <= allowed ? station.agree : off < 0.0 ? station.before : station.behind);
-  }
-  const int around = std::max(1, static_cast<int>(std::lround(0.25 * model.radius_m / length_m)));
-  for (int i = 0; i < count; ++i) {
-    ShapeSums sum;
-    for (int j = std::max(0, i - around); j <= std::min(count - 1, i + around); ++j)
-      sum += shapes[static_cast<std::size_t>(j)];
-    stations[static_cast<std::size_t>(i)].flatness = sum.flatness();
-  }
-  return stations;
-}
-
-Extent seen_extent(const std::vector<Station>& stations, double station_m, double max_gap_m) {
-  const double half = stations.size() > 1 ? 0.5 * (stations[1].t - stations[0].t)
-                      : stations.empty()  ? 0.0
-                                          : stations[0].t;
-  Extent best;
-  int best_seen = 0;
-  std::size_t i = 0;
-  while (i < stations.size()) {
-    if (!stations[i].seen()) {
-      ++i;
-      continue;
-    }
-    const std::size_t first = i;
-    std::size_t last = i;
-    int seen = 1;
-    for (++i; i < stations.size() && static_cast<double>(i - last - 1) * station_m <= max_gap_m; ++i) {
-      if (stations[i].refuted() && static_cast<double>(i - last) > 2.0) break;
-      if (!stations[i].seen()) continue;
-      last = i;
-      ++seen;
-    }
-    i = std::max(i, last + 1);
-    if (seen > best_seen) {
-      best_seen = seen;
-      best = {stations[first].t - half, stations[last].t + half};
-    }
-  }
-  return best;
-}
-
 namespace {
 
 constexpr std::size_t kParts = 8;  // of the length, each judged by itself
@@ -155,7 +35,11 @@ constexpr std::size_t kRings = kRingBorders.size() - 1;
 /// Medians of how far behind the axis it lies beside the tube, in radii, ring by ring for one part; kNoReturn where
 /// nothing returned.
 using Rings = std::array<double, kRings>;
-using Beside = std::array<Rings, kParts>;
+struct Part {
+  Rings rings{};
+  bool straight_on = false;
+};
+using Beside = std::array<Part, kParts>;
 
 constexpr double kNoReturn = 10.0;
 
@@ -164,27 +48,6 @@ double median_or_far(std::vector<double>& values) {
   const auto at = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
   std::nth_element(values.begin(), at, values.end());
   return std::min(*at, 0.99 * kNoReturn);
-}
-
-/// On the left (sign −1) or right (+1) of the tube, from the pixels of one as thick as the outermost ring.
-Beside beside(const HeightMap& map, const TubeModel& model, const Extent& extent,
-              const std::vector<PredictedPixel>& wide_pixels, double sign) {
-  std::array<std::array<std::vector<double>, kRings>, kParts> depths;
-  for (const PredictedPixel& pixel : wide_pixels) {
-    const double lateral = kRingBorders.back() * sign * pixel.lateral;
-    const float measured = map.depth_m[pixel.cell];
-    if (lateral < kRingBorders.front() || pixel.t < extent.t_begin || pixel.t > extent.t_end || measured <= 0.0F)
-      continue;
-    const double along = (pixel.t - extent.t_begin) / (extent.t_end - extent.t_begin);
-    const std::size_t part = std::min(kParts - 1, static_cast<std::size_t>(along * kParts));
-    const std::size_t ring = lateral < kRingBorders[1] ? 0 : lateral < kRingBorders[2] ? 1 : 2;
-    depths[part][ring].push_back((measured - pixel.axis_depth_m) * pixel.across / model.radius_m);
-  }
-  Beside result;
-  for (std::size_t part = 0; part < kParts; ++part) {
-    for (std::size_t ring = 0; ring < kRings; ++ring) result[part][ring] = median_or_far(depths[part][ring]);
-  }
-  return result;
 }
 
 /// A plane tangent to the circle at angle φ passes x radii from the axis at depth (x sin φ − 1) / cos φ. Do the rings
@@ -203,6 +66,28 @@ bool goes_straight_on(const Rings& rings) {
   return best < 0.25;
 }
 
+/// On the left (sign −1) or right (+1) of the tube, from the pixels of one as thick as the outermost ring.
+Beside beside(const HeightMap& map, const TubeModel& model, const Extent& extent,
+              const std::vector<PredictedPixel>& wide_pixels, double sign) {
+  std::array<std::array<std::vector<double>, kRings>, kParts> depths;
+  for (const PredictedPixel& pixel : wide_pixels) {
+    const double lateral = kRingBorders.back() * sign * pixel.lateral;
+    const float measured = map.depth_m[pixel.cell];
+    if (lateral < kRingBorders.front() || pixel.t < extent.t_begin || pixel.t > extent.t_end || measured <= 0.0F)
+      continue;
+    const double along = (pixel.t - extent.t_begin) / (extent.t_end - extent.t_begin);
+    const std::size_t part = std::min(kParts - 1, static_cast<std::size_t>(along * kParts));
+    const std::size_t ring = lateral < kRingBorders[1] ? 0 : lateral < kRingBorders[2] ? 1 : 2;
+    depths[part][ring].push_back((measured - pixel.axis_depth_m) * pixel.across / model.radius_m);
+  }
+  Beside result;
+  for (std::size_t part = 0; part < kParts; ++part) {
+    for (std::size_t ring = 0; ring < kRings; ++ring) result[part].rings[ring] = median_or_far(depths[part][ring]);
+    result[part].straight_on = goes_straight_on(result[part].rings);
+  }
+  return result;
+}
+
 /// Of the parts with returns on all sides asked for, the share that goes straight on along planes that run along the
 /// axis. (The ground that a can stands on crosses such depths too, but only in passing.) 0 where hardly any returned.
 double straight_share(std::span<const Beside> sides) {
@@ -210,11 +95,11 @@ double straight_share(std::span<const Beside> sides) {
   int known = 0;
   int most = 0;
   for (std::size_t i = 0; i < kParts; ++i) {
-    known += all_sides([&](const Beside& side) { return side[i][0] < kNoReturn; }) ? 1 : 0;
+    known += all_sides([&](const Beside& side) { return side[i].rings[0] < kNoReturn; }) ? 1 : 0;
     int count = 0;
     for (std::size_t j = 0; j < kParts; ++j) {
       count += all_sides([&](const Beside& side) {
-        return goes_straight_on(side[i]) && goes_straight_on(side[j]) && std::abs(side[i][0] - side[j][0]) < 0.25;
+        return side[i].straight_on && side[j].straight_on && std::abs(side[i].rings[0] - side[j].rings[0]) < 0.25;
       })
                    ? 1
                    : 0;
@@ -230,35 +115,19 @@ double slope_along(const Beside& beside) {
   const auto median = [](double a, double b, double c) {
     return std::max(std::min(a, b), std::min(std::max(a, b), c));
   };
-  return median(beside[5][0], beside[6][0], beside[7][0]) - median(beside[0][0], beside[1][0], beside[2][0]);
+  return median(beside[5].rings[0], beside[6].rings[0], beside[7].rings[0]) -
+         median(beside[0].rings[0], beside[1].rings[0], beside[2].rings[0]);
 }
 
 void judge_beside(const Beside& beside, Side& side) {
   int drops = 0;
   int rises = 0;
   for (std::size_t i = 0; i < kParts; ++i) {
-    drops += beside[i][0] > 0.8 ? 1 : 0;
-    rises += beside[i][0] < 0.8 && beside[i][1] < beside[i][0] - 0.1 ? 1 : 0;
+    drops += beside[i].rings[0] > 0.8 ? 1 : 0;
+    rises += beside[i].rings[0] < 0.8 && beside[i].rings[1] < beside[i].rings[0] - 0.1 ? 1 : 0;
   }
   side.drops = 2 * drops >= static_cast<int>(kParts);
   side.rises = 2 * rises >= static_cast<int>(kParts);
-}
-
-void look_beside(const HeightMap& map, const NoiseModel& noise, const TubeModel& model, const Extent& extent,
-                 Evidence& evidence) {
-  TubeModel wide = model;
-  wide.radius_m = kRingBorders.back() * model.radius_m;
-  const std::vector<PredictedPixel> pixels = predict_pixels(map, noise, wide);
-  const std::array<Beside, 2> both{beside(map, model, extent, pixels, -1.0), beside(map, model, extent, pixels, 1.0)};
-  const auto& [left, right] = both;
-  evidence.edge_share = straight_share(both);
-  evidence.left.straight_share = straight_share({&left, 1});
-  evidence.right.straight_share = straight_share({&right, 1});
-  judge_beside(left, evidence.left);
-  judge_beside(right, evidence.right);
-  const double left_slope = slope_along(left);
-  const double right_slope = slope_along(right);
-  evidence.stands = std::min(std::abs(left_slope), std::abs(right_slope)) > 0.6 && left_slope * right_slope > 0.0;
 }
 
 /// How far the surface agrees with the circle on one side, by bins of a 40th of the radius pooled along the tube.
@@ -296,8 +165,9 @@ Side side_of(const HeightMap& map, const TubeModel& model, const Extent& extent,
 
 }  // namespace
 
-Evidence gather_evidence(const HeightMap& map, const NoiseModel& noise, const TubeModel& model,
-                         const std::vector<PredictedPixel>& predicted, const Extent& extent) {
+Evidence surface_evidence(const HeightMap& map, const NoiseModel& noise, const TubeModel& model,
+                          const std::vector<PredictedPixel>& predicted, const std::vector<Station>& stations,
+                          const Extent& extent) {
   constexpr int kBins = 15;  // of 10° from −75° to 75°
   std::array<double, kBins> sum{};
   std::array<int, kBins> hits{};
@@ -331,7 +201,6 @@ Evidence gather_evidence(const HeightMap& map, const NoiseModel& noise, const Tu
   if (agree == 0) return evidence;
   evidence.left = side_of(map, model, extent, predicted, -1.0);
   evidence.right = side_of(map, model, extent, predicted, 1.0);
-  look_beside(map, noise, model, extent, evidence);
   // A cone is flatter than the mean circle at its wide end, and rounder at the other.
   evidence.taper = 2.0 * (second_half.slope() - first_half.slope()) * model.radius_m / evidence.length_m;
   evidence.taper_sigma =
@@ -343,7 +212,7 @@ Evidence gather_evidence(const HeightMap& map, const NoiseModel& noise, const Tu
   // Where the tube is hidden it is not confirmed, but nothing speaks against it either.
   int seen_agree = 0;
   int seen_expected = 0;
-  for (const Station& station : stations_of(map, model, predicted, station_length_m(map, model))) {
+  for (const Station& station : stations) {
     if (!station.seen() || station.t < extent.t_begin || station.t > extent.t_end) continue;
     seen_agree += station.agree;
     seen_expected += station.expected;
@@ -362,6 +231,31 @@ Evidence gather_evidence(const HeightMap& map, const NoiseModel& noise, const Tu
   }
   evidence.arc_rad = bins * 10.0 / 180.0 * std::numbers::pi;
   evidence.profile_rms_radii = bins > 0 ? std::sqrt(squares / bins) : 1.0;
+  return evidence;
+}
+
+void look_beside(const HeightMap& map, const NoiseModel& noise, const TubeModel& model, const Extent& extent,
+                 Evidence& evidence) {
+  TubeModel wide = model;
+  wide.radius_m = kRingBorders.back() * model.radius_m;
+  const std::vector<PredictedPixel> pixels = predict_pixels(map, noise, wide);
+  const std::array<Beside, 2> both{beside(map, model, extent, pixels, -1.0), beside(map, model, extent, pixels, 1.0)};
+  const auto& [left, right] = both;
+  evidence.edge_share = straight_share(both);
+  evidence.left.straight_share = straight_share({&left, 1});
+  evidence.right.straight_share = straight_share({&right, 1});
+  judge_beside(left, evidence.left);
+  judge_beside(right, evidence.right);
+  const double left_slope = slope_along(left);
+  const double right_slope = slope_along(right);
+  evidence.stands = std::min(std::abs(left_slope), std::abs(right_slope)) > 0.6 && left_slope * right_slope > 0.0;
+}
+
+Evidence gather_evidence(const HeightMap& map, const NoiseModel& noise, const TubeModel& model,
+                         const std::vector<PredictedPixel>& predicted, const Extent& extent) {
+  const auto stations = stations_of(map, model, predicted, station_length_m(map, model));
+  Evidence evidence = surface_evidence(map, noise, model, predicted, stations, extent);
+  if (evidence.width_px > 0.0) look_beside(map, noise, model, extent, evidence);
   return evidence;
 }
 

@@ -80,15 +80,17 @@ std::vector<FoundTube> find_tubes(AccumulationMap& votes, std::span<const Surfel
   for (FailedPlace& place : failed) --place.frames_left;
   std::erase_if(failed, [](const FailedPlace& place) { return place.frames_left <= 0; });
   int failures = 0;
-  for (const VoxelIndex& peak : votes.peaks(kMinVotes, 1)) {
+  const std::vector<VoxelIndex> peaks = votes.peaks(kMinVotes, 1);
+  watch.lap(times.trace_ms);
+  for (const VoxelIndex& peak : peaks) {
     if (failures >= max_failures) break;
     const Voxel sum = votes.box(peak, 1);
     if (sum.votes < kMinVotes || axis_of(sum).spread < 0.01) continue;
     const double radius_at_peak_m = votes.cell_m() * sum.steps / sum.votes;
     const Eigen::Vector3d center = votes.center_of(peak);
     const bool tried = std::any_of(failed.begin(), failed.end(), [&](const FailedPlace& place) {
-      return (place.position_m - center).norm() < std::max(2.0 * votes.cell_m(), 0.3 * place.radius_m) &&
-             2 * sum.votes < 3 * place.votes;
+      const double near_m = std::max(2.0 * votes.cell_m(), 0.3 * place.radius_m);
+      return 2 * sum.votes < 3 * place.votes && (place.position_m - center).squaredNorm() < near_m * near_m;
     });
     if (tried) continue;
     TraceOptions options;

@@ -1,48 +1,16 @@
 #include "tubetrack/tracker/fit.hpp"
 
-#include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
 
+#include "envelope_cholesky.hpp"
 #include "normal_equations.hpp"
 
 namespace tubetrack {
 
 ResidualTerm residual_of(const TubeModel& model, const Observation& observation) {
-  ResidualTerm term;
-  term.t = std::clamp(observation.t, 0.0, model.spline.spans());
-  constexpr int kRounds = 4;
-  for (int i = 0; i < kRounds; ++i) {
-    const CurvePoint at = curve_at(model.spline, term.t);
-    // Off the line's end the tube goes straight on, so only what is across the axis counts.
-    const double speed2 = at.derivative_m.squaredNorm();
-    const auto across = [&](const Eigen::Vector3d& v) -> Eigen::Vector3d {
-      return v - (v.dot(at.derivative_m) / speed2) * at.derivative_m;
-    };
-    const Eigen::Vector3d from_point = observation.point_m - at.position_m;
-    const Eigen::Vector3d from_axis = across(from_point);
-    const Eigen::Vector3d ray = across(observation.direction);
-    const double a = ray.squaredNorm();
-    if (a < 1e-6) return term;
-    const double b = ray.dot(from_axis);
-    const double discriminant = b * b - a * (from_axis.squaredNorm() - model.radius_m * model.radius_m);
-    // The nearer intersection of the whole ray, wherever on it the reading is: whether a reading counts must not
-    // depend on its residual. Beyond 80° there is no stable intersection.
-    const double slope = -std::sqrt(std::max(discriminant, 0.0)) / model.radius_m;
-    if (slope > -0.17) return term;
-    const double shift = (-b + slope * model.radius_m) / a;  // from the measured point to the predicted one
-    term.residual_m = -shift;
-    term.by_point = (from_axis + shift * ray) / (model.radius_m * slope);
-    term.by_radius = 1.0 / slope;
-    term.basis = at.basis;
-    // The tangent's cylinder is the tube to second order, so its foot need not be exact: a hundredth of a span off is
-    // below a ten-thousandth of the radius in the tightest bend.
-    const double off = (from_point + shift * observation.direction).dot(at.derivative_m) / speed2;
-    const double next = std::clamp(term.t + std::clamp(off, -0.5, 0.5), 0.0, model.spline.spans());
-    if (std::abs(next - term.t) < 0.01) break;
-    term.t = next;
-  }
-  term.valid = true;
+  ResidualTerm term = residual_on(polynomials_of(model.spline), model.radius_m, observation);
+  if (term.valid) term.basis = basis_at(model.spline, term.t);
   return term;
 }
 
@@ -63,13 +31,15 @@ std::optional<FitQuality> fit_tube(TubeModel& model, const std::vector<Observati
   for (int step = 0; step < options.gauss_newton_steps; ++step) {
     NormalEquations eq = normal_equations(model, observations, options);
     if (eq.used < 20) return std::nullopt;
-    if (step + 1 == options.gauss_newton_steps) {
+    const bool last_step = step + 1 == options.gauss_newton_steps;
+    if (last_step) {
       quality.observed.vector = eq.observed * parameters_of(model) + eq.observed_right;
       quality.observed.matrix = std::move(eq.observed);
     }
-    const Eigen::LDLT<Eigen::MatrixXd> solver(eq.matrix);
-    const Eigen::VectorXd change = solver.solve(eq.right);
-    if (solver.info() != Eigen::Success || !change.allFinite()) return std::nullopt;
+    const auto factor = factor_envelope(eq.matrix);
+    if (!factor) return std::nullopt;
+    const Eigen::VectorXd change = solve(*factor, std::move(eq.right));
+    if (!change.allFinite()) return std::nullopt;
     for (std::size_t k = 0; k < model.spline.control_m.size(); ++k) {
       const Eigen::Vector3d move = change.segment<3>(static_cast<Eigen::Index>(3 * k));
       model.spline.control_m[k] += move * std::min(1.0, model.radius_m / std::max(move.norm(), 1e-12));
@@ -80,8 +50,8 @@ std::optional<FitQuality> fit_tube(TubeModel& model, const std::vector<Observati
       if (model.radius_m < options.radius_min_m || model.radius_m > options.radius_max_m) return std::nullopt;
     }
     quality.chi2_per_observation = eq.chi2 / eq.used;
-    if (step + 1 == options.gauss_newton_steps && options.want_covariance) {
-      quality.covariance = solver.solve(Eigen::MatrixXd::Identity(change.size(), change.size()));
+    if (last_step && options.want_covariance) {
+      quality.covariance = inverse_of(*factor);
       quality.covariance *= std::max(1.0, quality.chi2_per_observation);
     }
   }

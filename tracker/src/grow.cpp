@@ -79,40 +79,91 @@ std::optional<FoundTube> fit_seed(const HeightMap& map, const TrackerConfig& con
     options.radius_m = gate_radii > 0.4 ? model.radius_m : config.radius_m;
     const auto pixels = predict_pixels(map, config.noise, model, stride);
     const auto observations = select_observations(map, config.noise, pixels, gate_radii * model.radius_m, 3.0);
+    options.want_covariance = false;
     if (!fit_tube(model, observations, options)) return std::nullopt;
   }
   found.extent = {0.0, model.spline.spans()};
   found.pixels = predict_pixels(map, config.noise, model, stride);
-  found.evidence = gather_evidence(map, config.noise, model, found.pixels, found.extent);
+  const auto stations = stations_of(map, model, found.pixels, station_length_m(map, model));
+  found.evidence = surface_evidence(map, config.noise, model, found.pixels, stations, found.extent);
   const Evidence& e = found.evidence;
   const bool in_range = model.radius_m > 0.85 * config.radius_min_m && model.radius_m < 1.15 * config.radius_max_m;
   if (!in_range || e.support < 0.45 || std::abs(e.flatness) > 0.6) return std::nullopt;
   return found;
 }
 
-/// How far along the model the image confirms it.
-Extent confirmed_extent(const HeightMap& map, const FoundTube& found) {
-  const double station_m = station_length_m(map, found.model);
-  const auto stations = stations_of(map, found.model, found.pixels, station_m);
-  Extent extent = seen_extent(stations, station_m, 4.0 * found.model.radius_m);
-  cut_at_kinks(found.model, extent);
-  return extent;
+/// Pixels and stations of the present model, and how far along it the image confirms it.
+std::vector<Station> look(const HeightMap& map, const TrackerConfig& config, int stride, FoundTube& found) {
+  predict_pixels(map, config.noise, found.model, stride, found.pixels);
+  const double station_m = stride * station_length_m(map, found.model);
+  auto stations = stations_of(map, found.model, found.pixels, station_m);
+  found.extent = seen_extent(stations, station_m, 4.0 * found.model.radius_m);
+  cut_at_kinks(found.model, found.extent);
+  return stations;
 }
+
+/// What the tube's own surface says against it.
+std::optional<std::string> why_no_surface(const FoundTube& found, const TrackerConfig& config) {
+  const Evidence& e = found.evidence;
+  const double radius = found.model.radius_m;
+  if (radius < 0.94 * config.radius_min_m || radius > 1.06 * config.radius_max_m) {
+    return fmt::format("radius {:.4f} m out of range", radius);
+  }
+  if (e.length_m < std::max(config.min_length_radii * radius, config.min_length_m)) {
+    return fmt::format("length {:.3f} m is {:.2f} radii", e.length_m, e.length_m / radius);
+  }
+  if (e.min_bend_radii < config.min_bend_radii) return fmt::format("a bend of {:.1f} radii", e.min_bend_radii);
+  if (e.width_px < config.min_width_px) return fmt::format("only {:.1f} px wide", e.width_px);
+  if (e.arc_rad < std::numbers::pi / 2.0) return fmt::format("only {:.0f}° of its section", e.arc_rad * 57.3);
+  // On a short piece a bulge or a foot looks like taper.
+  const double taper = std::abs(e.taper);
+  if (taper > 0.09 || (taper > 0.055 && taper * e.length_m > 0.28 * radius))
+    return fmt::format("its radius changes by {:.0f} % of the length", 100.0 * taper);
+  if (std::min(e.left.reach_radii, e.right.reach_radii) < 0.5) return "only one side is seen";
+  if (e.support < 0.84) return fmt::format("only {:.0f} % of its surface agrees", 100.0 * e.support);
+  const bool clear =
+      e.support > 0.88 && std::min(e.left.reach_radii, e.right.reach_radii) > 0.88 && e.noise_ratio < 1.2;
+  if (e.length_m < 2.3 * radius && !clear) return "too short to be told from a lump";
+  const double roughness_m = std::min(0.06 * radius, std::max(0.0008, 0.2 * e.sigma_m) + 0.005 * radius);
+  if (e.profile_rms_radii * radius > roughness_m)
+    return fmt::format("profile off by {:.1f} mm", 1e3 * e.profile_rms_radii * radius);
+  if (e.noise_ratio > 1.45) return fmt::format("residuals {:.1f} times the noise", e.noise_ratio);
+  if (radius < 3.5 * e.sigma_m) return fmt::format("thinner than the noise of {:.1f} mm shows", 1e3 * e.sigma_m);
+  return std::nullopt;
+}
+
+/// What neither growing on nor a closer look repairs: the bounds of `why_no_surface`, with a margin.
+bool hopeless(const FoundTube& found, const TrackerConfig& config) {
+  const Evidence& e = found.evidence;
+  const double radius = found.model.radius_m;
+  const bool in_range = radius > 0.75 * config.radius_min_m && radius < 1.25 * config.radius_max_m;
+  return !in_range || e.length_m < 0.6 * std::max(config.min_length_radii * radius, config.min_length_m) ||
+         e.min_bend_radii < 0.75 * config.min_bend_radii || e.arc_rad < 1.4 ||
+         std::abs(e.taper) - 2.0 * e.taper_sigma > 0.11 || e.support < 0.7 || e.profile_rms_radii > 0.09 ||
+         e.noise_ratio > 2.0;
+}
+
+/// How long it is grown: until its length stays, in more rounds than the first and at most the second number.
+struct Rounds {
+  int before_settled = 4;
+  int at_most = 40;
+};
 
 /// Looks how far the image confirms the tube, fits to that part alone, lengthens or shortens it, until it stays. What
 /// is not confirmed yet (the table under a can, its lid) must not pull at the fit.
-std::optional<FoundTube> grow_model(const HeightMap& map, const TrackerConfig& config, TubeModel model) {
-  constexpr int kMaxRounds = 40;
+std::optional<FoundTube> grow_until_settled(const HeightMap& map, const TrackerConfig& config, TubeModel model,
+                                            int stride, const Rounds& rounds) {
+  constexpr int kMaxSwings = 4;  // a tube that was followed too far comes back once
   FoundTube found;
   found.model = std::move(model);
   FitOptions options;
   options.radius_m = config.radius_m;
   options.radius_min_m = 0.5 * config.radius_min_m;
   options.radius_max_m = 1.5 * config.radius_max_m;
-  found.pixels = predict_pixels(map, config.noise, found.model);
-  found.extent = confirmed_extent(map, found);
+  std::vector<Station> stations = look(map, config, stride, found);
   double length_before_m = 0.0;
-  for (int round = 0; round < kMaxRounds; ++round) {
+  int swings = 0;
+  for (int round = 0; round < rounds.at_most; ++round) {
     if (found.extent.t_end <= found.extent.t_begin) return std::nullopt;
     const double gate_m = (round == 0 ? 0.2 : 0.1) * found.model.radius_m;
     auto observations = select_observations(map, config.noise, found.pixels, gate_m, 4.0);
@@ -125,19 +176,41 @@ std::optional<FoundTube> grow_model(const HeightMap& map, const TrackerConfig& c
     auto quality = fit_tube(found.model, observations, options);
     if (!quality) return std::nullopt;
     found.quality = std::move(*quality);
-    found.pixels = predict_pixels(map, config.noise, found.model);
-    found.extent = confirmed_extent(map, found);
+    stations = look(map, config, stride, found);
     const double length_m = (found.extent.t_end - found.extent.t_begin) * spacing_m(found.model.spline);
     const bool settled = std::abs(length_m - length_before_m) < 0.1 * found.model.radius_m;
-    if ((settled && round >= 4) || round + 1 == kMaxRounds) break;
+    if (round > 3 && length_m < length_before_m - found.model.radius_m && ++swings == kMaxSwings) return std::nullopt;
+    if ((settled && round >= rounds.before_settled) || round + 1 == rounds.at_most) break;
     length_before_m = length_m;
     reach_beyond(found.model.spline, found.extent);
     if (spacing_m(found.model.spline) < 1e-4) return std::nullopt;
-    found.pixels = predict_pixels(map, config.noise, found.model);
-    found.extent = confirmed_extent(map, found);
+    stations = look(map, config, stride, found);
   }
   if (found.extent.t_end <= found.extent.t_begin) return std::nullopt;
-  found.evidence = gather_evidence(map, config.noise, found.model, found.pixels, found.extent);
+  found.evidence = surface_evidence(map, config.noise, found.model, found.pixels, stations, found.extent);
+  return found;
+}
+
+/// A thick tube has more pixels than growing needs: with every so manieth, twenty are left across it.
+int growing_stride(const HeightMap& map, const TubeModel& model) {
+  const double depth_m = std::max(point_at(model.spline, 0.5 * model.spline.spans()).z(), 0.05);
+  return std::clamp(static_cast<int>(2.0 * model.radius_m * map.intrinsics.fx_px / depth_m / 20.0), 1, 3);
+}
+
+/// Grows to the full length with a part of the pixels, where that is worth it, and then with all.
+std::optional<FoundTube> grow_model(const HeightMap& map, const TrackerConfig& config, TubeModel model) {
+  const int stride = growing_stride(map, model);
+  if (stride > 1) {
+    auto coarse = grow_until_settled(map, config, std::move(model), stride, {});
+    if (!coarse) return std::nullopt;
+    if (hopeless(*coarse, config) && !silhouette_radius_m(coarse->evidence, coarse->model.radius_m))
+      return std::nullopt;
+    model = std::move(coarse->model);
+  }
+  auto found = grow_until_settled(map, config, std::move(model), 1, stride > 1 ? Rounds{1, 3} : Rounds{});
+  if (found && !why_no_surface(*found, config)) {
+    look_beside(map, config.noise, found->model, found->extent, found->evidence);
+  }
   return found;
 }
 
@@ -184,33 +257,10 @@ std::optional<FoundTube> grow_tube(const HeightMap& map, const TrackerConfig& co
 
 std::optional<std::string> why_no_tube(const FoundTube& found, const TrackerConfig& config) {
   const Evidence& e = found.evidence;
-  const double radius = found.model.radius_m;
-  if (radius < 0.94 * config.radius_min_m || radius > 1.06 * config.radius_max_m) {
-    return fmt::format("radius {:.4f} m out of range", radius);
-  }
-  if (e.length_m < std::max(config.min_length_radii * radius, config.min_length_m)) {
-    return fmt::format("length {:.3f} m is {:.2f} radii", e.length_m, e.length_m / radius);
-  }
-  if (e.min_bend_radii < config.min_bend_radii) return fmt::format("a bend of {:.1f} radii", e.min_bend_radii);
-  if (e.width_px < config.min_width_px) return fmt::format("only {:.1f} px wide", e.width_px);
-  if (e.arc_rad < std::numbers::pi / 2.0) return fmt::format("only {:.0f}° of its section", e.arc_rad * 57.3);
+  if (auto reason = why_no_surface(found, config)) return reason;
   if (!e.turns_away()) return "the surface goes on beyond both sides";
   const double straight = std::max(e.left.straight_share, e.right.straight_share);
   if (e.edge_share > 0.45 || straight > 0.6) return "goes straight on beyond a side";
-  // On a short piece a bulge or a foot looks like taper.
-  const double taper = std::abs(e.taper);
-  if (taper > 0.09 || (taper > 0.055 && taper * e.length_m > 0.28 * radius))
-    return fmt::format("its radius changes by {:.0f} % of the length", 100.0 * taper);
-  if (std::min(e.left.reach_radii, e.right.reach_radii) < 0.5) return "only one side is seen";
-  if (e.support < 0.84) return fmt::format("only {:.0f} % of its surface agrees", 100.0 * e.support);
-  const bool clear =
-      e.support > 0.88 && std::min(e.left.reach_radii, e.right.reach_radii) > 0.88 && e.noise_ratio < 1.2;
-  if (e.length_m < 2.3 * radius && !clear) return "too short to be told from a lump";
-  const double roughness_m = std::min(0.06 * radius, std::max(0.0008, 0.2 * e.sigma_m) + 0.005 * radius);
-  if (e.profile_rms_radii * radius > roughness_m)
-    return fmt::format("profile off by {:.1f} mm", 1e3 * e.profile_rms_radii * radius);
-  if (e.noise_ratio > 1.45) return fmt::format("residuals {:.1f} times the noise", e.noise_ratio);
-  if (radius < 3.5 * e.sigma_m) return fmt::format("thinner than the noise of {:.1f} mm shows", 1e3 * e.sigma_m);
   return std::nullopt;
 }
 

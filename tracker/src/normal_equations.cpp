@@ -40,8 +40,9 @@ std::vector<Stretch> sum_stretches(const TubeModel& model, std::span<const Obser
   const double spans = model.spline.spans();
   const int count = static_cast<int>(std::lround(spans)) * kStretchesPerSpan;
   std::vector<Stretch> stretches(static_cast<std::size_t>(count));
+  const std::vector<SpanPolynomial> curve = polynomials_of(model.spline);
   for (const Observation& observation : observations) {
-    const ResidualTerm term = residual_of(model, observation);
+    const ResidualTerm term = residual_on(curve, model.radius_m, observation);
     if (!term.valid) continue;
     Stretch& s =
         stretches[static_cast<std::size_t>(std::clamp(static_cast<int>(term.t * kStretchesPerSpan), 0, count - 1))];
@@ -131,6 +132,47 @@ void add_priors(const TubeModel& model, double suppleness, NormalEquations& eq) 
 }
 
 }  // namespace
+
+ResidualTerm residual_on(const std::vector<SpanPolynomial>& curve, double radius_m, const Observation& observation) {
+  const auto spans = static_cast<double>(curve.size());
+  const Eigen::Vector3d& direction = observation.direction;
+  ResidualTerm term;
+  term.t = std::clamp(observation.t, 0.0, spans);
+  constexpr int kRounds = 4;
+  for (int i = 0; i < kRounds; ++i) {
+    const std::size_t span = std::min(static_cast<std::size_t>(term.t), curve.size() - 1);
+    const auto& [c0, c1, c2, c3] = curve[span];
+    const double s = term.t - static_cast<double>(span);
+    const Eigen::Vector3d from_point = observation.point_m - (c0 + s * (c1 + s * (c2 + s * c3)));
+    const Eigen::Vector3d derivative = c1 + s * (2.0 * c2 + (3.0 * s) * c3);
+    // Off the line's end the tube goes straight on, so only what is across the axis counts.
+    const double per_speed2 = 1.0 / derivative.squaredNorm();
+    const double point_along = from_point.dot(derivative) * per_speed2;
+    const double ray_along = direction.dot(derivative) * per_speed2;
+    const Eigen::Vector3d from_axis = from_point - point_along * derivative;
+    const Eigen::Vector3d ray = direction - ray_along * derivative;
+    const double a = ray.squaredNorm();
+    if (a < 1e-6) return term;
+    const double b = ray.dot(from_axis);
+    const double discriminant = b * b - a * (from_axis.squaredNorm() - radius_m * radius_m);
+    // The nearer intersection of the whole ray, wherever on it the reading is: whether a reading counts must not
+    // depend on its residual. Beyond 80° there is no stable intersection.
+    const double slope = -std::sqrt(std::max(discriminant, 0.0)) / radius_m;
+    if (slope > -0.17) return term;
+    const double shift = (-b + slope * radius_m) / a;  // from the measured point to the predicted one
+    term.residual_m = -shift;
+    term.by_point = (from_axis + shift * ray) / (radius_m * slope);
+    term.by_radius = 1.0 / slope;
+    // The tangent's cylinder is the tube to second order, so its foot need not be exact: a hundredth of a span off is
+    // below a ten-thousandth of the radius in the tightest bend.
+    const double off = point_along + shift * ray_along;
+    const double next = std::clamp(term.t + std::clamp(off, -0.5, 0.5), 0.0, spans);
+    if (std::abs(next - term.t) < 0.01) break;
+    term.t = next;
+  }
+  term.valid = true;
+  return term;
+}
 
 NormalEquations normal_equations(const TubeModel& model, std::span<const Observation> observations,
                                  const FitOptions& options) {

@@ -2,6 +2,7 @@
 
 #include <Eigen/Core>
 #include <span>
+#include <vector>
 
 #include "tubetrack/tracker/fit.hpp"
 
@@ -21,5 +22,8 @@ struct NormalEquations {
 /// identity's.
 NormalEquations normal_equations(const TubeModel& model, std::span<const Observation> observations,
                                  const FitOptions& options);
+
+/// `residual_of` with the centreline's polynomials at hand; without the basis.
+ResidualTerm residual_on(const std::vector<SpanPolynomial>& curve, double radius_m, const Observation& observation);
 
 }  // namespace tubetrack

@@ -4,7 +4,10 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <limits>
 #include <optional>
+
+#include "predict_row.hpp"
 
 namespace tubetrack {
 
@@ -14,7 +17,6 @@ namespace {
 struct Piece {
   Eigen::Vector3d start_m, end_m;
   Eigen::Vector3d axis;                    ///< unit
-  Eigen::Vector3d start_across;            ///< of start_m, the part across the axis
   Eigen::Vector3d start_mitre, end_mitre;  ///< normals of the planes, per metre along this piece's axis
   double t_start = 0.0;
 };
@@ -33,7 +35,6 @@ std::vector<Piece> cut_into_pieces(const TubeModel& model) {
     const double length_m = (piece.end_m - piece.start_m).norm();
     if (length_m < 1e-6) continue;
     piece.axis = (piece.end_m - piece.start_m) / length_m;
-    piece.start_across = piece.start_m - piece.start_m.dot(piece.axis) * piece.axis;
     piece.t_start = kSpansPerPiece * i;
     piece.start_mitre = piece.end_mitre = piece.axis;
     pieces.push_back(piece);
@@ -83,102 +84,138 @@ std::optional<Quad> outline_of(const Intrinsics& in, const Piece& piece, double 
               to + front * along + to_half * side, from - back * along + from_half * side};
 }
 
-/// Calls visit(u, v) for the pixels inside the outline whose coordinates are multiples of the stride.
-template <class Visit>
-void for_each_pixel(const Quad& quad, const Intrinsics& in, int stride, Visit&& visit) {
-  const auto next_multiple = [&](double low, int size) {
-    const int from = static_cast<int>(std::clamp(std::ceil(low), 0.0, 1.0 * size));
-    return (from + stride - 1) / stride * stride;
-  };
-  double top = quad[0].y(), bottom = quad[0].y();
-  for (const Eigen::Vector2d& corner : quad) {
-    top = std::min(top, corner.y());
-    bottom = std::max(bottom, corner.y());
+/// Pixels from begin to below end.
+struct Range {
+  int begin = 0;
+  int end = 0;
+};
+
+/// The pixels of a row or column between two borders.
+Range between(double low, double high, int size) {
+  return {static_cast<int>(std::clamp(std::ceil(low), 0.0, 1.0 * size)),
+          static_cast<int>(std::clamp(std::floor(high) + 1.0, 0.0, 1.0 * size))};
+}
+
+/// A piece with the rows of the image in which it may be seen.
+struct Outlined {
+  RowPiece piece;
+  Quad quad;
+  Range rows;
+};
+
+RowPiece row_piece(const Piece& piece) {
+  const Eigen::Vector3d middle_m = 0.5 * (piece.start_m + piece.end_m);
+  const Eigen::Vector3f middle = middle_m.cast<float>();
+  const Eigen::Vector3f axis = piece.axis.cast<float>();
+  const Eigen::Vector3f start = piece.start_mitre.cast<float>();
+  const Eigen::Vector3f end = piece.end_mitre.cast<float>();
+  RowPiece row;
+  row.middle_x_m = middle.x(), row.middle_y_m = middle.y(), row.middle_z_m = middle.z();
+  row.axis_x = axis.x(), row.axis_y = axis.y(), row.axis_z = axis.z();
+  row.start_x = start.x(), row.start_y = start.y(), row.start_z = start.z();
+  row.end_x = end.x(), row.end_y = end.y(), row.end_z = end.z();
+  row.start_off_m = static_cast<float>((middle_m - piece.start_m).dot(piece.start_mitre));
+  row.end_off_m = static_cast<float>((piece.end_m - middle_m).dot(piece.end_mitre));
+  row.t_start = static_cast<float>(piece.t_start);
+  row.t_length = static_cast<float>(kSpansPerPiece);
+  return row;
+}
+
+std::vector<Outlined> outline_all(const Intrinsics& in, const TubeModel& model) {
+  std::vector<Outlined> all;
+  for (const Piece& piece : cut_into_pieces(model)) {
+    const std::optional<Quad> quad = outline_of(in, piece, model.radius_m);
+    if (!quad) continue;
+    const auto [top, bottom] = std::minmax({(*quad)[0].y(), (*quad)[1].y(), (*quad)[2].y(), (*quad)[3].y()});
+    all.push_back({row_piece(piece), *quad, between(top, bottom, in.height)});
   }
-  const int v_begin = next_multiple(top, in.height);
-  const int v_end = static_cast<int>(std::clamp(std::floor(bottom) + 1.0, 0.0, 1.0 * in.height));
-  for (int v = v_begin; v < v_end; v += stride) {
-    double left = 1e9, right = -1e9;
-    for (std::size_t i = 0; i < 4; ++i) {
-      const Eigen::Vector2d& a = quad[i];
-      const Eigen::Vector2d& b = quad[(i + 1) % 4];
-      if (std::min(a.y(), b.y()) > v || std::max(a.y(), b.y()) < v) continue;
-      const double s = a.y() == b.y() ? 0.0 : (v - a.y()) / (b.y() - a.y());
-      const double u = a.x() + s * (b.x() - a.x());
-      left = std::min({left, u, a.y() == b.y() ? b.x() : u});
-      right = std::max({right, u, a.y() == b.y() ? b.x() : u});
-    }
-    const int u_begin = next_multiple(left, in.width);
-    const int u_end = static_cast<int>(std::clamp(std::floor(right) + 1.0, 0.0, 1.0 * in.width));
-    for (int u = u_begin; u < u_end; u += stride) visit(u, v);
+  return all;
+}
+
+/// Where a row passes through an outline.
+Range columns_in(const Quad& quad, int v, int width) {
+  double left = 1e9, right = -1e9;
+  for (std::size_t i = 0; i < 4; ++i) {
+    const Eigen::Vector2d& a = quad[i];
+    const Eigen::Vector2d& b = quad[(i + 1) % 4];
+    if (std::min(a.y(), b.y()) > v || std::max(a.y(), b.y()) < v) continue;
+    const double s = a.y() == b.y() ? 0.0 : (v - a.y()) / (b.y() - a.y());
+    const double u = a.x() + s * (b.x() - a.x());
+    left = std::min({left, u, a.y() == b.y() ? b.x() : u});
+    right = std::max({right, u, a.y() == b.y() ? b.x() : u});
+  }
+  return between(left, right, width);
+}
+
+/// The first multiple of the stride from `from` on, over the stride.
+int divided_up(int from, int stride) {
+  return (from + stride - 1) / stride;
+}
+
+void take_rays(const HeightMap& map, int v, int stride, const Range& pixels, PredictedRow& row) {
+  for (int i = pixels.begin; i < pixels.end; ++i) {
+    const Eigen::Vector2f& ray = map.rays[map.cell(i * stride, v)];
+    row.ray_x[static_cast<std::size_t>(i)] = ray.x();
+    row.ray_y[static_cast<std::size_t>(i)] = ray.y();
   }
 }
 
-/// The nearer intersection of the ray z·(x, y, 1) with a piece; false where it misses.
-bool intersect(const Piece& piece, double radius_m, const Eigen::Vector3d& ray, PredictedPixel& pixel) {
-  const double ray_along = ray.dot(piece.axis);
-  const Eigen::Vector3d ray_across = ray - ray_along * piece.axis;
-  const double a = ray_across.squaredNorm();
-  const double b = ray_across.dot(piece.start_across);
-  const double off2 = piece.start_across.squaredNorm();
-  const double discriminant = b * b - a * (off2 - radius_m * radius_m);
-  if (a < 1e-12 || discriminant <= 0.0) return false;
-  const double z = (b - std::sqrt(discriminant)) / a;
-  if (z <= 0.0) return false;
-  const Eigen::Vector3d hit = z * ray;
-  const double from_start = (hit - piece.start_m).dot(piece.start_mitre);
-  const double to_end = (piece.end_m - hit).dot(piece.end_mitre);
-  if (from_start < 0.0 || to_end <= 0.0) return false;
-  const double side = piece.start_across.cross(ray_across).dot(piece.axis) > 0.0 ? 1.0 : -1.0;
-  pixel.depth_m = static_cast<float>(z);
-  pixel.t = static_cast<float>(piece.t_start + kSpansPerPiece * from_start / (from_start + to_end));
-  pixel.cos_incidence =
-      static_cast<float>((piece.start_across - z * ray_across).dot(ray_across) / (radius_m * ray.norm()));
-  pixel.lateral = static_cast<float>(side * std::sqrt(std::max(0.0, off2 - b * b / a)) / radius_m);
-  pixel.axis_depth_m = static_cast<float>(b / a);
-  pixel.across = static_cast<float>(std::sqrt(a));
-  return true;
+/// Intersects the pixels of row v with every piece, and tells which pixels that may have been: in strides.
+Range intersect_all(const HeightMap& map, const std::vector<Outlined>& outlined, float radius_m, int v, int stride,
+                    PredictedRow& row) {
+  const int width = map.intrinsics.width;
+  Range touched{width, 0};
+  for (const Outlined& one : outlined) {
+    if (v < one.rows.begin || v >= one.rows.end) continue;
+    const Range columns = columns_in(one.quad, v, width);
+    const int begin = divided_up(columns.begin, stride);
+    const int end = divided_up(columns.end, stride);
+    if (begin >= end) continue;
+    if (touched.begin >= touched.end) touched = {begin, begin};
+    take_rays(map, v, stride, {begin, touched.begin}, row);
+    take_rays(map, v, stride, {touched.end, end}, row);
+    touched = {std::min(touched.begin, begin), std::max(touched.end, end)};
+    intersect_row(one.piece, radius_m, begin, end, row);
+  }
+  return touched;
 }
 
-/// The reading is of a point up to a pixel beside its ray: the mean over a curved surface lies behind the surface by
-/// half its second derivative times the jitter's variance.
-void add_jitter(const NoiseModel& noise, double focal_px, double radius_m, PredictedPixel& pixel) {
-  const double pixel_m = pixel.depth_m / focal_px;
-  const double cos_section = std::sqrt(std::max(0.1, 1.0 - 1.0 * pixel.lateral * pixel.lateral));
-  const double jitter_m = noise.lateral_px * pixel_m;
-  pixel.margin_px = static_cast<float>((1.0 - std::abs(pixel.lateral)) * radius_m / pixel_m);
-  pixel.jitter_bias_m = static_cast<float>(0.5 * jitter_m * jitter_m /
-                                           (radius_m * cos_section * cos_section * cos_section * pixel.across));
-}
-
-void sort_by_cell(std::vector<PredictedPixel>& pixels) {
-  std::sort(pixels.begin(), pixels.end(), [](const PredictedPixel& a, const PredictedPixel& b) {
-    return a.cell != b.cell ? a.cell < b.cell : a.depth_m < b.depth_m;
-  });
-  const auto same_cell = [](const PredictedPixel& a, const PredictedPixel& b) { return a.cell == b.cell; };
-  pixels.erase(std::unique(pixels.begin(), pixels.end(), same_cell), pixels.end());
+/// Appends what the row met, and makes it ready for the next one.
+void take_pixels(PredictedRow& row, Range touched, std::size_t first_cell, int stride,
+                 std::vector<PredictedPixel>& pixels) {
+  for (auto i = static_cast<std::size_t>(touched.begin); i < static_cast<std::size_t>(touched.end); ++i) {
+    if (std::isinf(row.depth_m[i])) continue;
+    const std::size_t cell = first_cell + i * static_cast<std::size_t>(stride);
+    pixels.push_back({static_cast<std::uint32_t>(cell), row.depth_m[i], row.t[i], row.cos_incidence[i], row.lateral[i],
+                      row.axis_depth_m[i], row.across[i], row.margin_px[i], row.jitter_bias_m[i], row.sigma_m[i]});
+    row.depth_m[i] = std::numeric_limits<float>::infinity();
+  }
 }
 
 }  // namespace
 
+void predict_pixels(const HeightMap& map, const NoiseModel& noise, const TubeModel& model, int stride,
+                    std::vector<PredictedPixel>& pixels) {
+  const Intrinsics& in = map.intrinsics;
+  const std::vector<Outlined> outlined = outline_all(in, model);
+  Range rows{in.height, 0};
+  for (const Outlined& one : outlined) {
+    rows = {std::min(rows.begin, one.rows.begin), std::max(rows.end, one.rows.end)};
+  }
+  pixels.clear();
+  PredictedRow row = make_row(in.width);
+  for (int v = divided_up(rows.begin, stride) * stride; v < rows.end; v += stride) {
+    const Range touched = intersect_all(map, outlined, static_cast<float>(model.radius_m), v, stride, row);
+    if (touched.begin >= touched.end) continue;
+    judge_row(noise, in.fx_px, model.radius_m, touched.begin, touched.end, row);
+    take_pixels(row, touched, map.cell(0, v), stride, pixels);
+  }
+}
+
 std::vector<PredictedPixel> predict_pixels(const HeightMap& map, const NoiseModel& noise, const TubeModel& model,
                                            int stride) {
   std::vector<PredictedPixel> pixels;
-  for (const Piece& piece : cut_into_pieces(model)) {
-    const std::optional<Quad> outline = outline_of(map.intrinsics, piece, model.radius_m);
-    if (!outline) continue;
-    for_each_pixel(*outline, map.intrinsics, stride, [&](int u, int v) {
-      PredictedPixel pixel;
-      pixel.cell = static_cast<std::uint32_t>(map.cell(u, v));
-      const Eigen::Vector2f& ray = map.rays[pixel.cell];
-      if (!intersect(piece, model.radius_m, Eigen::Vector3d(ray.x(), ray.y(), 1.0), pixel)) return;
-      add_jitter(noise, map.intrinsics.fx_px, model.radius_m, pixel);
-      pixel.sigma_m = static_cast<float>(
-          depth_sigma_m(noise, pixel.depth_m, std::acos(std::min(1.0F, pixel.cos_incidence)), map.intrinsics.fx_px));
-      pixels.push_back(pixel);
-    });
-  }
-  sort_by_cell(pixels);
+  predict_pixels(map, noise, model, stride, pixels);
   return pixels;
 }
 

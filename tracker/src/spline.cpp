@@ -37,6 +37,16 @@ Eigen::Vector3d derivative_at(const Spline& spline, double t) {
   return curve_at(spline, t).derivative_m;
 }
 
+std::vector<SpanPolynomial> polynomials_of(const Spline& spline) {
+  std::vector<SpanPolynomial> polynomials;
+  for (std::size_t k = 0; k + 3 < spline.control_m.size(); ++k) {
+    const Eigen::Vector3d* q = &spline.control_m[k];
+    polynomials.push_back({(q[0] + 4.0 * q[1] + q[2]) / 6.0, 0.5 * (q[2] - q[0]), 0.5 * (q[0] - 2.0 * q[1] + q[2]),
+                           (q[3] - q[0] + 3.0 * (q[1] - q[2])) / 6.0});
+  }
+  return polynomials;
+}
+
 double foot_parameter(const Spline& spline, const Eigen::Vector3d& point_m, double t) {
   for (int i = 0; i < 3; ++i) {
     const CurvePoint at = curve_at(spline, t);

@@ -25,7 +25,7 @@ VoxelIndex best_on_patch(const AccumulationMap& map, const Eigen::Vector3d& cent
   for (int row = -half; row <= half; ++row) {
     for (int col = -half; col <= half; ++col) {
       const VoxelIndex index = map.index_of(center_m + map.cell_m() * (col * e1 + row * e2));
-      const int votes = map.box(index, options.box_half).votes;
+      const int votes = map.box_votes(index, options.box_half);
       if (votes > best_votes || (votes == best_votes && index < best)) {
         best_votes = votes;
         best = index;

@@ -37,7 +37,12 @@ struct Voxel {
   std::int32_t steps = 0;                 ///< Σ weight · step: steps / votes is the radius in voxels
   std::array<std::int64_t, 6> moments{};  ///< Σ weight · d dᵀ of the directions: xx, xy, xz, yy, yz, zz, in 1/128²
 
-  Voxel& operator+=(const Voxel& other);
+  Voxel& operator+=(const Voxel& other) {
+    votes += other.votes;
+    steps += other.steps;
+    for (std::size_t i = 0; i < moments.size(); ++i) moments[i] += other.moments[i];
+    return *this;
+  }
   bool operator==(const Voxel&) const = default;
 };
 
@@ -66,6 +71,8 @@ class AccumulationMap {
   Voxel at(const VoxelIndex& index) const;
   /// Sum over the (2·half + 1)³ voxels around.
   Voxel box(const VoxelIndex& index, int half) const;
+  /// Its votes alone, which is quicker.
+  int box_votes(const VoxelIndex& index, int half) const;
   VoxelIndex index_of(const Eigen::Vector3d& point_m) const;
   Eigen::Vector3d center_of(const VoxelIndex& index) const;
 
@@ -78,7 +85,8 @@ class AccumulationMap {
   static constexpr int kSide = 8;
   struct Block {
     std::array<Voxel, kSide * kSide * kSide> voxels{};
-    int filled = 0;  ///< voxels that are not all 0
+    std::array<std::int32_t, kSide * kSide * kSide> votes{};  ///< of the voxels, close together for peaks and trace
+    int filled = 0;                                           ///< voxels that are not all 0
   };
   struct Hash {
     std::size_t operator()(const VoxelIndex& key) const;

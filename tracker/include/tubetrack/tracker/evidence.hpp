@@ -1,41 +1,10 @@
 #pragma once
 
-#include <cmath>
 #include <vector>
 
-#include "tubetrack/tracker/predict.hpp"
+#include "tubetrack/tracker/stations.hpp"
 
 namespace tubetrack {
-
-/// What the image says of one short stretch of a tube's camera-facing surface, counted in pixels.
-struct Station {
-  double t = 0.0;         ///< middle of the stretch
-  int expected = 0;       ///< pixels that should see it (incidence below 75°)
-  int agree = 0;          ///< reading where the tube should be
-  int before = 0;         ///< something nearer hides it
-  int behind = 0;         ///< the camera looks through where the tube should be
-  double flatness = 0.0;  ///< how much flatter than the circle the surface around is: 0 the circle, 1 a plane
-
-  bool round() const { return std::abs(flatness) < 0.45; }
-  bool seen() const { return expected > 0 && 2 * agree >= expected && round(); }
-  bool refuted() const { return 3 * behind > expected; }
-};
-
-/// A station's length for a tube at its depth: two pixels, at least 2 mm.
-double station_length_m(const HeightMap& map, const TubeModel& model);
-
-/// Stations of about `length_m` each, in order of t, over the whole spline.
-std::vector<Station> stations_of(const HeightMap& map, const TubeModel& model,
-                                 const std::vector<PredictedPixel>& predicted, double length_m);
-
-/// The stretch of the centreline that is seen: from the first to the last seen station of the run with the most of
-/// them. Runs are joined across gaps that nothing refutes and that are shorter than `max_gap_m`. Empty (begin = end)
-/// where none is seen.
-struct Extent {
-  double t_begin = 0.0;
-  double t_end = 0.0;
-};
-Extent seen_extent(const std::vector<Station>& stations, double station_m, double max_gap_m);
 
 /// The tightest bend of the centreline in tube radii, judged over two radii of length at a time.
 double min_bend_radii(const TubeModel& model, const Extent& extent);
@@ -78,5 +47,15 @@ struct Evidence {
 };
 Evidence gather_evidence(const HeightMap& map, const NoiseModel& noise, const TubeModel& model,
                          const std::vector<PredictedPixel>& predicted, const Extent& extent);
+
+/// The part of it that the tube's own pixels and their stations tell. Of what lies beside the tube nothing is said yet:
+/// `stands`, `edge_share` and, of the sides, `drops`, `rises` and `straight_share` are as for nothing seen there.
+Evidence surface_evidence(const HeightMap& map, const NoiseModel& noise, const TubeModel& model,
+                          const std::vector<PredictedPixel>& predicted, const std::vector<Station>& stations,
+                          const Extent& extent);
+
+/// The other part, which needs pixels of its own.
+void look_beside(const HeightMap& map, const NoiseModel& noise, const TubeModel& model, const Extent& extent,
+                 Evidence& evidence);
 
 }  // namespace tubetrack

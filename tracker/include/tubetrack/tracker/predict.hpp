@@ -25,6 +25,9 @@ struct PredictedPixel {
 /// Includes pixels without a return.
 std::vector<PredictedPixel> predict_pixels(const HeightMap& map, const NoiseModel& noise, const TubeModel& model,
                                            int stride = 1);
+/// The same into a buffer that is used again: fresh memory of this size costs as much as what is written to it.
+void predict_pixels(const HeightMap& map, const NoiseModel& noise, const TubeModel& model, int stride,
+                    std::vector<PredictedPixel>& pixels);
 
 /// The pixels to fit: predicted incidence below 75° and so far inside the silhouette that the lateral jitter doesn't
 /// reach it (chosen by prediction, never by residual beyond the gate that keeps other surfaces out), reading within

@@ -36,6 +36,11 @@ CurvePoint curve_at(const Spline& spline, double t);
 Eigen::Vector3d point_at(const Spline& spline, double t);
 Eigen::Vector3d derivative_at(const Spline& spline, double t);
 
+/// One span of the curve as a cubic polynomial of s = t less the span's number: factors of 1, s, s² and s³.
+using SpanPolynomial = std::array<Eigen::Vector3d, 4>;
+/// Of all spans: quicker where the curve is asked for in many places.
+std::vector<SpanPolynomial> polynomials_of(const Spline& spline);
+
 /// The parameter near `t` whose point is closest to `point_m`: three Newton steps on the foot-point condition.
 double foot_parameter(const Spline& spline, const Eigen::Vector3d& point_m, double t);
 

@@ -1,0 +1,46 @@
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+
+#include "tubetrack/tracker/predict.hpp"
+
+namespace tubetrack {
+
+constexpr float kCos75 = 0.2588F;
+
+/// Sums for the line off = a + flatness · R · cos φ by least squares, φ the angle around the section.
+struct ShapeSums {
+  double n = 0.0, c = 0.0, cc = 0.0, r = 0.0, cr = 0.0;
+
+  void add(double cos_angle, double off, double weight) {
+    n += weight;
+    c += weight * cos_angle;
+    cc += weight * cos_angle * cos_angle;
+    r += weight * off;
+    cr += weight * cos_angle * off;
+  }
+  ShapeSums& operator+=(const ShapeSums& other) {
+    n += other.n;
+    c += other.c;
+    cc += other.cc;
+    r += other.r;
+    cr += other.cr;
+    return *this;
+  }
+  double spread() const { return cc - c * c / std::max(n, 1e-12); }
+  double slope() const { return spread() > 1e-9 ? (cr - c * r / n) / spread() : 0.0; }
+  double slope_sigma() const { return spread() > 1e-9 ? 1.0 / std::sqrt(spread()) : 1e3; }
+  /// In radii when the offs were; 0 where it is less than twice its σ.
+  double flatness() const { return std::abs(slope()) > 2.0 * slope_sigma() ? slope() : 0.0; }
+};
+
+/// How far a reading may stray and still be this tube's.
+double agreement_m(const TubeModel& model, const PredictedPixel& pixel);
+
+/// A reading of the tube or of what may stand in its place.
+void add_to_shape(const TubeModel& model, const PredictedPixel& pixel, double off_m, ShapeSums& shape);
+
+double arc_length_m(const Spline& spline, double t_begin, double t_end);
+
+}  // namespace tubetrack

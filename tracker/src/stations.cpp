@@ -1,0 +1,98 @@
+#include "tubetrack/tracker/stations.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "shape_sums.hpp"
+
+namespace tubetrack {
+
+double arc_length_m(const Spline& spline, double t_begin, double t_end) {
+  constexpr int kSteps = 200;
+  double length = 0.0;
+  Eigen::Vector3d from = point_at(spline, t_begin);
+  for (int i = 1; i <= kSteps; ++i) {
+    const Eigen::Vector3d to = point_at(spline, t_begin + (t_end - t_begin) * i / kSteps);
+    length += (to - from).norm();
+    from = to;
+  }
+  return length;
+}
+
+double agreement_m(const TubeModel& model, const PredictedPixel& pixel) {
+  return 3.5 * pixel.sigma_m + 0.05 * model.radius_m;
+}
+
+void add_to_shape(const TubeModel& model, const PredictedPixel& pixel, double off_m, ShapeSums& shape) {
+  const double sigma_m = pixel.sigma_m;
+  if (std::abs(off_m) > 0.6 * model.radius_m + 4.0 * sigma_m) return;
+  const double cos_angle = std::sqrt(std::max(0.0, 1.0 - 1.0 * pixel.lateral * pixel.lateral));
+  const double radii = pixel.across / model.radius_m;
+  shape.add(cos_angle, off_m * radii, 1.0 / (sigma_m * sigma_m * radii * radii));
+}
+
+double station_length_m(const HeightMap& map, const TubeModel& model) {
+  const Eigen::Vector3d middle = point_at(model.spline, 0.5 * model.spline.spans());
+  return std::max(0.002, 2.0 * middle.z() / map.intrinsics.fx_px);
+}
+
+std::vector<Station> stations_of(const HeightMap& map, const TubeModel& model,
+                                 const std::vector<PredictedPixel>& predicted, double length_m) {
+  const double spans = model.spline.spans();
+  const int count = std::max(1, static_cast<int>(std::ceil(arc_length_m(model.spline, 0.0, spans) / length_m)));
+  std::vector<Station> stations(static_cast<std::size_t>(count));
+  for (int i = 0; i < count; ++i) stations[static_cast<std::size_t>(i)].t = (i + 0.5) * spans / count;
+  std::vector<ShapeSums> shapes(stations.size());
+  for (const PredictedPixel& pixel : predicted) {
+    if (pixel.cos_incidence < kCos75) continue;
+    const int at = std::clamp(static_cast<int>(pixel.t / spans * count), 0, count - 1);
+    Station& station = stations[static_cast<std::size_t>(at)];
+    ++station.expected;
+    const float measured = map.depth_m[pixel.cell];
+    if (measured <= 0.0F) continue;
+    const double off = measured - pixel.depth_m;
+    const double allowed = agreement_m(model, pixel);
+    add_to_shape(model, pixel, off, shapes[static_cast<std::size_t>(at)]);
+    ++(std::abs(off) <= allowed ? station.agree : off < 0.0 ? station.before : station.behind);
+  }
+  const int around = std::max(1, static_cast<int>(std::lround(0.25 * model.radius_m / length_m)));
+  for (int i = 0; i < count; ++i) {
+    ShapeSums sum;
+    for (int j = std::max(0, i - around); j <= std::min(count - 1, i + around); ++j)
+      sum += shapes[static_cast<std::size_t>(j)];
+    stations[static_cast<std::size_t>(i)].flatness = sum.flatness();
+  }
+  return stations;
+}
+
+Extent seen_extent(const std::vector<Station>& stations, double station_m, double max_gap_m) {
+  const double half = stations.size() > 1 ? 0.5 * (stations[1].t - stations[0].t)
+                      : stations.empty()  ? 0.0
+                                          : stations[0].t;
+  Extent best;
+  int best_seen = 0;
+  std::size_t i = 0;
+  while (i < stations.size()) {
+    if (!stations[i].seen()) {
+      ++i;
+      continue;
+    }
+    const std::size_t first = i;
+    std::size_t last = i;
+    int seen = 1;
+    for (++i; i < stations.size() && static_cast<double>(i - last - 1) * station_m <= max_gap_m; ++i) {
+      if (stations[i].refuted() && static_cast<double>(i - last) > 2.0) break;
+      if (!stations[i].seen()) continue;
+      last = i;
+      ++seen;
+    }
+    i = std::max(i, last + 1);
+    if (seen > best_seen) {
+      best_seen = seen;
+      best = {stations[first].t - half, stations[last].t + half};
+    }
+  }
+  return best;
+}
+
+}  // namespace tubetrack
