@@ -22,7 +22,8 @@ class TubeTracker {
   ~TubeTracker();
 
   /// One frame's way through the paper: height map, normals, accumulation (algorithm 1), trace (algorithm 2), fit
-  /// (section 2.3), parts (section 3). Valid until the next call; copy to keep. A frame of another size gives status `corrupt`.
+  /// (section 2.3), parts (section 3). Valid until the next call; copy to keep. A frame of another size gives status
+  /// `corrupt`.
   const TubeFrame& track(const DepthFrame& frame);
 
  private:
