@@ -1,5 +1,6 @@
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <bit>
 #include <fstream>
 #include <map>
@@ -171,7 +172,8 @@ RawVolume read_mhd(const std::filesystem::path& path, const ScanOptions& options
     const double voxels = static_cast<double>(size[0]) * static_cast<double>(size[1]) * static_cast<double>(size[2]);
     const double from_end = static_cast<double>(bytes) - voxels * static_cast<double>(size_of(encoding.type));
     // −1: the data are the end of the file.
-    begin = static_cast<std::uint64_t>(std::max(0.0, (*skip)[0] >= 0 ? static_cast<double>((*skip)[0]) : from_end));
+    const double wanted = (*skip)[0] >= 0 ? static_cast<double>((*skip)[0]) : from_end;
+    begin = static_cast<std::uint64_t>(std::clamp(wanted, 0.0, static_cast<double>(bytes)));
   }
   const double data_bytes = static_cast<double>(bytes) - static_cast<double>(std::min<std::uint64_t>(begin, bytes));
   require_volume_fits(size, encoding, compressed ? -1.0 : data_bytes, options);

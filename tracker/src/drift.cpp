@@ -2,6 +2,7 @@
 
 #include <Eigen/Cholesky>
 #include <Eigen/LU>
+#include <algorithm>
 
 namespace tubetrack {
 
@@ -22,8 +23,12 @@ Vector6 as_vector(const Twist& twist) {
   return v;
 }
 
-double half_length_m(const TubeModel& model) {
-  return 0.5 * (model.spline.control_m.back() - model.spline.control_m.front()).norm();
+/// The farthest that a point of the tube lies from what it turns about.
+double reach_m(const TubeModel& model) {
+  const Eigen::Vector3d middle = middle_of(model);
+  double reach = model.radius_m;
+  for (const Eigen::Vector3d& point : model.spline.control_m) reach = std::max(reach, (point - middle).norm());
+  return reach;
 }
 
 }  // namespace
@@ -83,7 +88,7 @@ void turn(Drift& drift, const Eigen::Matrix3d& new_from_old) {
 /// A frame of age a saw the tube at d − v a. Least squares for the place now, d (with the radius), and v, which is held
 /// near zero by what a tube at rest may creep.
 VelocityChange judge_velocity(const Drift& drift, const Twist& velocity_per_s) {
-  const double turn_rad_s = kCreep_m_s / half_length_m(drift.anchor);
+  const double turn_rad_s = kCreep_m_s / reach_m(drift.anchor);
   Vector6 hold = Vector6::Constant(1.0 / (kCreep_m_s * kCreep_m_s));
   hold.tail<3>().setConstant(1.0 / (turn_rad_s * turn_rad_s));
   const Matrix7 place = drift.information + weak_prior(drift.anchor);

@@ -82,14 +82,11 @@ bool judge_motion(FollowedTube& tube, const HeightMap& map, const TrackerConfig&
 void judge_rest(FollowedTube& tube, const HeightMap& map, const TrackerConfig& config) {
   if (++tube.frames_pooled < kFramesToComeToRest) return;
   tube.frames_pooled = 0;
-  const bool same_shape = tube.anchor.spline.control_m.size() == tube.model.spline.control_m.size();
-  if (same_shape) {
-    const Placed back = place(map, config, tube, tube.anchor, 0.5);
-    if (back.enough && motion_chi2(tube.anchor, back.estimate, tube.quality.observed.matrix) < kRestChi2) {
-      start_pool(tube);
-      add_to_pool(tube);
-      return;
-    }
+  const Placed back = place(map, config, tube, tube.anchor, 0.5);
+  if (back.enough && motion_chi2(tube.anchor, back.estimate, tube.quality.observed.matrix) < kRestChi2) {
+    start_pool(tube);
+    add_to_pool(tube);
+    return;
   }
   tube.anchor = tube.model;
 }
@@ -197,6 +194,7 @@ void follow_tube(FollowedTube& tube, const HeightMap& map, const TrackerConfig& 
   const bool placed = judge_motion(tube, map, config, model, elapsed_s);
   const bool fitted =
       placed && fit_to_frame(tube, map, config, std::move(model), tube.at_rest ? tube.pooled : radius_only(tube));
+  if (!fitted) tube.model = expected;
   look(tube, map, config);
   if (!fitted && tube.state == TubeState::tracked) tube.state = TubeState::lost;
   if (tube.state != TubeState::tracked) {

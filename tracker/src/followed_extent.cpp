@@ -32,14 +32,20 @@ Eigen::MatrixXd resized(const Eigen::MatrixXd& matrix, int front, int back, doub
   return result;
 }
 
-Information resized(const Information& information, int front, int back) {
+/// What is dropped is from now on where `parameters` have it: the vector is of absolute places, so what the information
+/// says of the others given those must go over into it.
+Information resized(const Information& information, const Eigen::VectorXd& parameters, int front, int back) {
   Information result{resized(information.matrix, front, back, 0.0), {}};
-  const Eigen::VectorXd& old = information.vector;
   result.vector = Eigen::VectorXd::Zero(result.matrix.rows());
-  if (old.size() == 0) return result;
+  if (information.vector.size() == 0) return result;
+  const Eigen::Index last = parameters.size() - 1;
   const Eigen::Index from = 3 * std::max(0, -front);
   const Eigen::Index to = 3 * std::max(0, front);
-  const Eigen::Index kept = std::min(old.size() - 1 - from, result.vector.size() - 1 - to);
+  const Eigen::Index kept = std::min(last - from, result.vector.size() - 1 - to);
+  const Eigen::Index behind = last - from - kept;
+  const Eigen::VectorXd old =
+      information.vector - information.matrix.leftCols(from) * parameters.head(from) -
+      information.matrix.middleCols(from + kept, behind) * parameters.segment(from + kept, behind);
   result.vector.segment(to, kept) = old.segment(from, kept);
   result.vector[result.vector.size() - 1] = old[old.size() - 1];
   return result;
@@ -87,6 +93,7 @@ Extent confirmed_extent(const std::vector<Station>& stations, const Extent& befo
 void fit_spline_to_extent(FollowedTube& tube) {
   auto& q = tube.model.spline.control_m;
   const Eigen::Vector3d middle = middle_of(tube.model);
+  const Eigen::VectorXd parameters = parameters_of(tube.model);
   int front = 0;
   int back = 0;
   while (q.size() > 6 && tube.model.spline.spans() - tube.extent.t_end > 2.5) {
@@ -111,10 +118,11 @@ void fit_spline_to_extent(FollowedTube& tube) {
   }
   if (front == 0 && back == 0) return;
   const double far2 = tube.model.radius_m * tube.model.radius_m;
-  tube.pooled = resized(tube.pooled, front, back);
-  tube.quality.observed = resized(tube.quality.observed, front, back);
+  tube.pooled = resized(tube.pooled, parameters, front, back);
+  tube.quality.observed = resized(tube.quality.observed, parameters, front, back);
   tube.quality.covariance = resized(tube.quality.covariance, front, back, far2);
   tube.anchor = tube.model;
+  if (!tube.at_rest) tube.frames_pooled = 0;  // counted since the anchor
   respan(tube.drift, front, back);
   tube.velocity.shift_m_s -= (middle_of(tube.model) - middle).cross(tube.velocity.turn_rad_s);
 }
