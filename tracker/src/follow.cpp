@@ -174,7 +174,13 @@ FollowedTube start_following(FoundTube found, const HeightMap& map, const Tracke
   const auto length_m = [](const FollowedTube& of) {
     return (of.extent.t_end - of.extent.t_begin) * kKnotSpacingRadii * of.model.radius_m;
   };
-  if (found.joined || length_m(longer) - length_m(tube) > 2.0 * tube.model.radius_m) tube = std::move(longer);
+  if (found.joined || length_m(longer) - length_m(tube) > 2.0 * tube.model.radius_m) {
+    tube = std::move(longer);
+  } else {
+    // It was found with its ends, which may have bent it into a hook that would stay in the pool for good.
+    FollowedTube without_ends = tube;
+    if (fit_to_frame(without_ends, map, config, tube.model, no_information(tube.model))) tube = std::move(without_ends);
+  }
   tube.last_seen_s = timestamp_s;
   tube.radius_information = inverse(tube.quality.radius_sigma_m * tube.quality.radius_sigma_m);
   start_pool(tube);
