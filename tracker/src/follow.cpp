@@ -176,8 +176,9 @@ FollowedTube start_following(FoundTube found, const HeightMap& map, const Tracke
   };
   if (found.joined || length_m(longer) - length_m(tube) > 2.0 * tube.model.radius_m) {
     tube = std::move(longer);
-  } else {
-    // It was found with its ends, which may have bent it into a hook that would stay in the pool for good.
+  } else if (length_m(tube) > 8.0 * tube.model.radius_m) {
+    // It was found with its ends, which may have bent it into a hook that would stay in the pool for good. Of a can
+    // they are too large a part to do without.
     FollowedTube without_ends = tube;
     if (fit_to_frame(without_ends, map, config, tube.model, no_information(tube.model))) tube = std::move(without_ends);
   }
