@@ -94,6 +94,7 @@ void go_on_from(FollowedTube& tube, FoundTube found, const HeightMap& map, const
   const int standing = tube.standing;
   const bool confirmed = tube.confirmed;
   tube = start_following(std::move(found), map, config, timestamp_s, tube.id);
+  pool_without_ends(tube, map, config);
   tube.frames_followed = frames_followed;
   tube.standing = standing;
   tube.confirmed = confirmed;
@@ -174,6 +175,7 @@ void take_in(KnownTubes& known, std::vector<FoundTube> found, const HeightMap& m
       ++known.next_id;
       fresh.confirmed = known.first_frame && sure_at_once(whole);
       fresh.standing = fresh.confirmed ? 2 : 0;
+      pool_without_ends(fresh, map, config);
       known.tubes.push_back(std::move(fresh));
     }
   }

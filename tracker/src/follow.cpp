@@ -155,6 +155,17 @@ void lengthen(FollowedTube& tube, const HeightMap& map, const TrackerConfig& con
   }
 }
 
+double length_m(const FollowedTube& tube) {
+  return (tube.extent.t_end - tube.extent.t_begin) * kKnotSpacingRadii * tube.model.radius_m;
+}
+
+void pool_first_frame(FollowedTube& tube) {
+  tube.radius_information = inverse(tube.quality.radius_sigma_m * tube.quality.radius_sigma_m);
+  start_pool(tube);
+  tube.pooled = no_information(tube.model);  // the radius is in what was observed
+  add_to_pool(tube);
+}
+
 }  // namespace
 
 FollowedTube start_following(FoundTube found, const HeightMap& map, const TrackerConfig& config, double timestamp_s,
@@ -171,23 +182,18 @@ FollowedTube start_following(FoundTube found, const HeightMap& map, const Tracke
   // A little more at an end may be the foot of a can or the table that it stands on; much more is tube.
   FollowedTube longer = tube;
   lengthen(longer, map, config);
-  const auto length_m = [](const FollowedTube& of) {
-    return (of.extent.t_end - of.extent.t_begin) * kKnotSpacingRadii * of.model.radius_m;
-  };
-  if (found.joined || length_m(longer) - length_m(tube) > 2.0 * tube.model.radius_m) {
-    tube = std::move(longer);
-  } else if (length_m(tube) > 8.0 * tube.model.radius_m) {
-    // It was found with its ends, which may have bent it into a hook that would stay in the pool for good. Of a can
-    // they are too large a part to do without.
-    FollowedTube without_ends = tube;
-    if (fit_to_frame(without_ends, map, config, tube.model, no_information(tube.model))) tube = std::move(without_ends);
-  }
+  if (found.joined || length_m(longer) - length_m(tube) > 2.0 * tube.model.radius_m) tube = std::move(longer);
   tube.last_seen_s = timestamp_s;
-  tube.radius_information = inverse(tube.quality.radius_sigma_m * tube.quality.radius_sigma_m);
-  start_pool(tube);
-  tube.pooled = no_information(tube.model);  // the radius is in what was observed
-  add_to_pool(tube);
+  pool_first_frame(tube);
   return tube;
+}
+
+void pool_without_ends(FollowedTube& tube, const HeightMap& map, const TrackerConfig& config) {
+  if (length_m(tube) <= 8.0 * tube.model.radius_m) return;
+  FollowedTube without = tube;
+  if (!fit_to_frame(without, map, config, tube.model, no_information(tube.model))) return;
+  tube.quality.observed = std::move(without.quality.observed);
+  pool_first_frame(tube);
 }
 
 void follow_tube(FollowedTube& tube, const HeightMap& map, const TrackerConfig& config, double timestamp_s,

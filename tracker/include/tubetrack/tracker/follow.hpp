@@ -60,6 +60,10 @@ struct FollowedTube {
 FollowedTube start_following(FoundTube found, const HeightMap& map, const TrackerConfig& config, double timestamp_s,
                              std::int64_t id);
 
+/// Leaves the ends of a tube just found out of its pool: they may have bent it into a hook, which would stay there for
+/// good. Of what is no longer than 8 radii they are too large a part to do without.
+void pool_without_ends(FollowedTube& tube, const HeightMap& map, const TrackerConfig& config);
+
 /// Finds a known tube in the next frame, `elapsed_s` after the last: where it should be, the motion that the frame asks
 /// for, whether it rests, a fit with what earlier frames say, and how far the image confirms it now. Sets `state`:
 /// `occluded` where something nearer hides it, `lost` where it is not there; both keep the predicted model.
