@@ -19,8 +19,6 @@ constexpr std::size_t kGraphNeighbours = 8;  // whom a point may take its sign f
 constexpr double kMostDisagreement = 0.02;   // of neighbouring normals of a file, that its signs be kept
 constexpr float kDisagree = -0.5F;           // cosine: beyond a fold of 120° it is the sign that is wrong
 
-constexpr std::uint32_t kNone = 0xFFFFFFFFU;
-
 /// An edge of the graph of near points.
 struct Edge {
   float cost;  ///< 1 − |cosine| between the two normals: a sign is best passed on where the surface is flat

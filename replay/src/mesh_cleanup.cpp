@@ -13,8 +13,6 @@ namespace tubetrack {
 
 namespace {
 
-constexpr std::uint32_t kNone = 0xFFFFFFFFU;
-
 std::uint64_t hash_of(const Eigen::Vector3d& point) {
   std::uint64_t hash = 0;
   for (const double coordinate : point) {

@@ -11,8 +11,6 @@ namespace tubetrack {
 
 namespace {
 
-constexpr std::uint32_t kNone = 0xFFFFFFFFU;
-
 using Face = std::array<std::uint32_t, 3>;
 
 struct HalfEdge {

@@ -66,6 +66,15 @@ std::string read_whole_file(const std::filesystem::path& path, std::size_t limit
   return bytes;
 }
 
+std::string read_header_text(const std::filesystem::path& path) {
+  constexpr std::size_t kMost_bytes = 1U << 16U;
+  std::ifstream file(path, std::ios::binary);
+  std::string text(kMost_bytes, '\0');
+  file.read(text.data(), static_cast<std::streamsize>(text.size()));
+  text.resize(static_cast<std::size_t>(file.gcount()));
+  return text;
+}
+
 bool TextCursor::next_line(std::string_view& line) {
   if (rest_.empty()) return false;
   const std::size_t end = rest_.find('\n');

@@ -28,6 +28,9 @@ std::string human_size(double bytes);
 /// The whole file. Throws ScanRefusal where it can't be read, is empty or larger than `limit_bytes`.
 std::string read_whole_file(const std::filesystem::path& path, std::size_t limit_bytes);
 
+/// The first 64 KB of a file, or all of a shorter one, for a header that is text. Empty where it can't be read.
+std::string read_header_text(const std::filesystem::path& path);
+
 /// Cuts a text into lines and words; counts the lines for messages.
 class TextCursor {
  public:

@@ -17,8 +17,6 @@ namespace tubetrack {
 
 namespace {
 
-constexpr double kMetresPerMillimetre = 0.001;
-
 struct SurfaceFormat {
   std::string_view extension;
   RawSurface (*read)(std::string_view bytes);

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <bit>
-#include <fstream>
 #include <map>
 
 #include "scan_volume.hpp"
@@ -10,8 +9,6 @@
 namespace tubetrack {
 
 namespace {
-
-constexpr double kMetresPerMillimetre = 0.001;
 
 /// The "Key = value" lines of a MetaImage header; ElementDataFile is the last one, and data may follow it.
 struct Header {
@@ -39,11 +36,7 @@ std::string trimmed(std::string_view text) {
 }
 
 Header read_header(const std::filesystem::path& path) {
-  constexpr std::size_t kMaxHeader_bytes = 1U << 16U;
-  std::ifstream file(path, std::ios::binary);
-  std::string start(kMaxHeader_bytes, '\0');
-  file.read(start.data(), static_cast<std::streamsize>(start.size()));
-  start.resize(static_cast<std::size_t>(file.gcount()));
+  const std::string start = read_header_text(path);
   TextCursor text(start);
   Header header;
   std::string_view line;

@@ -237,6 +237,7 @@ RawSurface read_ply(std::string_view bytes) {
   RawSurface surface;
   Faces faces;
   bool has_vertices = false;
+  bool has_faces = false;
   for (const Element& element : header.elements) {
     check_room(element, numbers, header.encoding);
     if (element.name == "vertex") {
@@ -244,7 +245,9 @@ RawSurface read_ply(std::string_view bytes) {
       read_vertices(element, numbers, surface);
       has_vertices = true;
     } else if (element.name == "face") {
+      if (has_faces) throw ScanRefusal{"element \"face\": is there twice; export it again"};
       faces = read_faces(element, numbers);
+      has_faces = true;
     } else if (element.name == "tristrips" && element.count > 0) {
       throw ScanRefusal{"element \"tristrips\": triangle strips are not read; export it with faces"};
     } else {

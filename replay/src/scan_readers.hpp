@@ -13,6 +13,8 @@
 
 namespace tubetrack {
 
+inline constexpr double kMetresPerMillimetre = 0.001;
+
 /// Points, and faces where there are any, as a file has them: its unit, its order, its mistakes.
 struct RawSurface {
   std::vector<Eigen::Vector3d> points;

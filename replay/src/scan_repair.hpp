@@ -9,6 +9,9 @@
 
 namespace tubetrack {
 
+/// In place of the index of a point or face.
+inline constexpr std::uint32_t kNone = 0xFFFFFFFFU;
+
 // Each of these puts a scan right and notes in scan.notes what it did.
 
 /// Keeps of equal points the first. Returns for each of the old points its index among the new.

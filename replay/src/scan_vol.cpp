@@ -1,7 +1,5 @@
 #include <fmt/format.h>
 
-#include <fstream>
-
 #include "scan_volume.hpp"
 
 namespace tubetrack {
@@ -17,11 +15,7 @@ struct Header {
 /// "Key: value" lines up to a line with a single dot. DGtal's header has a dozen of them.
 Header read_header(const std::filesystem::path& path) {
   constexpr int kMaxLines = 200;
-  constexpr std::size_t kMaxHeader_bytes = 1U << 16U;
-  std::ifstream file(path, std::ios::binary);
-  std::string start(kMaxHeader_bytes, '\0');
-  file.read(start.data(), static_cast<std::streamsize>(start.size()));
-  start.resize(static_cast<std::size_t>(file.gcount()));
+  const std::string start = read_header_text(path);
   TextCursor text(start);
   std::string_view line;
   Header header;

@@ -89,15 +89,19 @@ std::size_t ByteStream::read(char* to, std::size_t count) {
   return done;
 }
 
+void ByteStream::refill() {
+  const std::size_t left = inflater_.avail_in;
+  std::copy_n(inflater_.next_in, left, reinterpret_cast<Bytef*>(packed_.data()));
+  file_.read(packed_.data() + left, static_cast<std::streamsize>(packed_.size() - left));
+  inflater_.next_in = reinterpret_cast<Bytef*>(packed_.data());
+  inflater_.avail_in = static_cast<uInt>(left + static_cast<std::size_t>(file_.gcount()));
+}
+
 std::size_t ByteStream::inflate_some(char* to, std::size_t count) {
+  if (inflater_.avail_in == 0) refill();
   if (inflater_.avail_in == 0) {
-    file_.read(packed_.data(), static_cast<std::streamsize>(packed_.size()));
-    inflater_.next_in = reinterpret_cast<Bytef*>(packed_.data());
-    inflater_.avail_in = static_cast<uInt>(file_.gcount());
-    if (inflater_.avail_in == 0) {
-      ended_ = true;
-      return 0;
-    }
+    ended_ = true;
+    return 0;
   }
   const auto wanted = static_cast<uInt>(std::min<std::size_t>(count, 1U << 30U));
   inflater_.next_out = reinterpret_cast<Bytef*>(to);
@@ -105,6 +109,7 @@ std::size_t ByteStream::inflate_some(char* to, std::size_t count) {
   const int status = inflate(&inflater_, Z_NO_FLUSH);
   if (status == Z_STREAM_END) {
     // A gzip file may be several, one after the other. Anything else behind the end is padding.
+    if (inflater_.avail_in < 2) refill();
     const bool more = inflater_.avail_in > 1 && inflater_.next_in[0] == 0x1f && inflater_.next_in[1] == 0x8b;
     ended_ = !more || inflateReset(&inflater_) != Z_OK;
   } else if (status != Z_OK && status != Z_BUF_ERROR) {

@@ -27,6 +27,7 @@ class ByteStream {
   std::size_t read(char* to, std::size_t count);
 
  private:
+  void refill();
   std::size_t inflate_some(char* to, std::size_t count);
 
   std::ifstream file_;

@@ -61,6 +61,25 @@ TEST(VolumeScan, EveryFormatGivesTheSameVoxels) {
   }
 }
 
+/// A gzip file made longer: by a name in its header.
+std::string padded(std::string gzip, std::size_t bytes) {
+  constexpr std::size_t kHeader_bytes = 10;
+  gzip[3] = static_cast<char>(gzip[3] | 8);  // it has a name
+  return gzip.insert(kHeader_bytes, std::string(bytes - gzip.size() - 1, 'x') + '\0');
+}
+
+// Read in blocks of 64 KB: what follows a member may be in the next.
+TEST(VolumeScan, AGzipFileMayBeSeveralWhereverTheyMeet) {
+  const TemporaryFolder folder;
+  const std::string voxels = torus_voxels(40, 12, 13.0, 4.0);
+  const std::string first = deflated(nifti_bytes({40, 40, 12}, {1, 1, 1}, voxels.substr(0, 5000)), true);
+  for (const std::size_t bytes : {65533U, 65534U, 65535U, 65536U, 65537U}) {
+    write_bytes(folder / "a.nii.gz", padded(first, bytes) + deflated(voxels.substr(5000), true));
+    const auto inside = scan_of(folder / "a.nii.gz").voxels.inside;
+    EXPECT_TRUE(std::ranges::equal(inside, voxels, {}, {}, [](char c) { return c != 0 ? 1 : 0; })) << bytes;
+  }
+}
+
 TEST(VolumeScan, SpacingIsTheHeadersUnlessTold) {
   const TemporaryFolder folder;
   const std::string voxels = torus_voxels(40, 12, 13.0, 4.0);

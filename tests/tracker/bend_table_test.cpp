@@ -126,7 +126,7 @@ RC_GTEST_PROP(BendTable, OfTheTubeFromItsOtherEndIsTheSameRowsBackwards, (std::u
   there.chain = test::random_chain(random, seed % 7, kR);
   there.sigma.resize(there.chain.bends.size());
   FittedChain back = there;
-  back.chain = reversed(there.chain);
+  back.chain = test::reversed(there.chain);
   const BendTable a = bend_table_of(there);
   const BendTable b = bend_table_of(back);
   RC_ASSERT(a.xyz_m.size() == b.xyz_m.size());

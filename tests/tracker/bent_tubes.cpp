@@ -99,4 +99,24 @@ double rotation_error(double a_rad, double b_rad) {
   return std::abs(std::remainder(a_rad - b_rad, 2.0 * M_PI));
 }
 
+PartChain reversed(const PartChain& chain) {
+  const PlacedChain placed = place(chain);
+  const ChainPoint end = point_on(placed, length_of(chain));
+  PartChain back;
+  back.start_m = end.position_m;
+  back.direction = -end.tangent;
+  back.towards = end.normal;
+  back.closing_m = chain.bends.empty() ? chain.closing_m : chain.bends.front().straight_m;
+  double straight_m = chain.closing_m;
+  for (std::size_t i = chain.bends.size(); i-- > 0;) {
+    const ChainBend& bend = chain.bends[i];
+    // The plane turns the same way round, seen along the tube from either end.
+    const double rotation_rad = i + 1 < chain.bends.size() ? chain.bends[i + 1].rotation_rad : 0.0;
+    const bool touching = i + 1 < chain.bends.size() && chain.bends[i + 1].touching;
+    back.bends.push_back({straight_m, rotation_rad, bend.angle_rad, bend.radius_m, touching});
+    straight_m = bend.straight_m;
+  }
+  return back;
+}
+
 }  // namespace tubetrack::test

@@ -38,4 +38,7 @@ std::string types_of(const CenterlineParts& parts);
 
 double rotation_error(double a_rad, double b_rad);
 
+/// The same centreline from its other end.
+PartChain reversed(const PartChain& chain);
+
 }  // namespace tubetrack::test

@@ -4,6 +4,7 @@
 
 #include <Eigen/LU>
 
+#include "motion.hpp"
 #include "tracker/tube_scene.hpp"
 
 namespace tubetrack {
@@ -27,39 +28,39 @@ Information frame_that_sees(const TubeModel& model, double sigma_m) {
 }
 
 /// The drift of a tube over `frames` frames, carried on at `guess_per_s`.
-Drift drift_over(int frames, const Twist& velocity_per_s, const Twist& guess_per_s, double sigma_m) {
+Drift drift_over(int frames, const TubeVelocity& velocity, const TubeVelocity& guess, double sigma_m) {
   Drift drift;
   start_drift(drift, tube());
   for (int i = 0; i < frames; ++i) {
     if (i > 0) {
-      move(drift.anchor, guess_per_s * kFrame_s);
+      move(drift.anchor, during(guess, kFrame_s));
       age(drift, kFrame_s);
     }
     TubeModel seen = tube();
-    move(seen, velocity_per_s * (i * kFrame_s));
+    move(seen, during(velocity, i * kFrame_s));
     add_frame(drift, frame_that_sees(seen, sigma_m));
   }
   return drift;
 }
 
 // About its axis a straight tube shows no turn.
-const Twist kCreep{{0.0004, -0.0003, 0.0008}, kAxis.cross(Vector3d(0.002, 0.001, -0.003))};
+const TubeVelocity kCreep{{0.0004, -0.0003, 0.0008}, kAxis.cross(Vector3d(0.002, 0.001, -0.003))};
 
 TEST(Drift, TheVelocityOfManySharpFramesIsFound) {
   const VelocityChange found = judge_velocity(drift_over(30, kCreep, {}, 1e-5), {});
-  EXPECT_LT((found.change_per_s.shift_m - kCreep.shift_m).norm(), 1e-6);
-  EXPECT_LT((found.change_per_s.turn_rad - kCreep.turn_rad).norm(), 1e-5);
+  EXPECT_LT((found.change.shift_m_s - kCreep.shift_m_s).norm(), 1e-6);
+  EXPECT_LT((found.change.turn_rad_s - kCreep.turn_rad_s).norm(), 1e-5);
 }
 
 TEST(Drift, OnceCarriedOnAtItsVelocityThereIsNothingToChange) {
   const VelocityChange found = judge_velocity(drift_over(30, kCreep, kCreep, 1e-5), kCreep);
-  EXPECT_LT(found.change_per_s.shift_m.norm(), 1e-6);
-  EXPECT_LT(found.change_per_s.turn_rad.norm(), 1e-5);
+  EXPECT_LT(found.change.shift_m_s.norm(), 1e-6);
+  EXPECT_LT(found.change.turn_rad_s.norm(), 1e-5);
 }
 
 TEST(Drift, TwoFramesCannotTellAVelocityFromTheirNoise) {
   const VelocityChange found = judge_velocity(drift_over(2, kCreep, {}, 1e-3), {});
-  EXPECT_LT(found.change_per_s.shift_m.norm(), 0.02 * kCreep.shift_m.norm());
+  EXPECT_LT(found.change.shift_m_s.norm(), 0.02 * kCreep.shift_m_s.norm());
 }
 
 TEST(Drift, FramesCarriedAnewAreThoseThatWereCarriedSoFromTheStart) {
@@ -68,7 +69,7 @@ TEST(Drift, FramesCarriedAnewAreThoseThatWereCarriedSoFromTheStart) {
   const Drift early = drift_over(20, kCreep, kCreep, 1e-4);
   // The one's anchor stayed where the tube was at first, the other's went along.
   Eigen::Matrix<double, 7, 1> way;
-  way << kCreep.shift_m, kCreep.turn_rad, 0.0;
+  way << kCreep.shift_m_s, kCreep.turn_rad_s, 0.0;
   way *= 19 * kFrame_s;
   const Eigen::Matrix<double, 7, 1> expected = late.information * way;
   EXPECT_LT((late.seen - expected - early.seen).norm(), 1e-3 * expected.norm());
@@ -80,10 +81,10 @@ TEST(Drift, ALongerOrShorterSplineChangesNothingThatWasSeen) {
       Drift drift = drift_over(30, kCreep, {}, 1e-5);
       const Vector3d middle = middle_of(drift.anchor);
       respan(drift, front, back);
-      const Twist found = judge_velocity(drift, {}).change_per_s;
-      const Vector3d expected = kCreep.shift_m + kCreep.turn_rad.cross(middle_of(drift.anchor) - middle);
-      EXPECT_LT((found.shift_m - expected).norm(), 1e-6) << front << back;
-      EXPECT_LT((found.turn_rad - kCreep.turn_rad).norm(), 1e-5) << front << back;
+      const TubeVelocity found = judge_velocity(drift, {}).change;
+      const Vector3d expected = kCreep.shift_m_s + kCreep.turn_rad_s.cross(middle_of(drift.anchor) - middle);
+      EXPECT_LT((found.shift_m_s - expected).norm(), 1e-6) << front << back;
+      EXPECT_LT((found.turn_rad_s - kCreep.turn_rad_s).norm(), 1e-5) << front << back;
     }
   }
 }

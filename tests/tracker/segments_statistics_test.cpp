@@ -171,7 +171,7 @@ TEST(Segments, FromTheOtherEndAreTheSame) {
     std::reverse(line.nodes_m.begin(), line.nodes_m.end());
     const CenterlineParts back = cut_into_parts(line.view());
     ASSERT_TRUE(there.fitted && back.fitted) << seed;
-    EXPECT_TRUE(same(*back.fitted, reversed(there.fitted->chain))) << seed;
+    EXPECT_TRUE(same(*back.fitted, test::reversed(there.fitted->chain))) << seed;
   }
 }
 

@@ -52,9 +52,11 @@ BendRow row_of(const FittedChain& fitted, std::size_t i) {
   const bool cut_in_front = i == 0 && !straight_for_sure(bend.straight_m, sigma.straight_m);
   const bool cut_behind =
       i + 1 == fitted.chain.bends.size() && !straight_for_sure(fitted.chain.closing_m, fitted.closing_sigma_m);
-  row.ill_conditioned = cut_in_front || cut_behind || !(sigma.angle_rad < kLargestRelativeSigma * bend.angle_rad) ||
-                        !(sigma.radius_m < kLargestRelativeSigma * bend.radius_m) ||
-                        !(sigma.rotation_rad < kLargestRotationSigma_rad);
+  // σ 0: no node decides it.
+  const bool undecided = !(sigma.angle_rad > 0.0) || !(sigma.radius_m > 0.0) || (i > 0 && !(sigma.rotation_rad > 0.0));
+  row.ill_conditioned =
+      undecided || cut_in_front || cut_behind || !(sigma.angle_rad < kLargestRelativeSigma * bend.angle_rad) ||
+      !(sigma.radius_m < kLargestRelativeSigma * bend.radius_m) || !(sigma.rotation_rad < kLargestRotationSigma_rad);
   return row;
 }
 

@@ -83,8 +83,9 @@ double sigma_along(const MeasuredCenterline& line, std::size_t node, const Eigen
   return std::sqrt(std::max(0.0, tangent.dot(line.covariance_m2[node] * tangent)));
 }
 
+/// 0 also where the variance is no number.
 double root(double variance) {
-  return std::sqrt(std::max(0.0, variance));
+  return variance > 0.0 && std::isfinite(variance) ? std::sqrt(variance) : 0.0;
 }
 
 }  // namespace

@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "chain_residual.hpp"
+#include "tangent_space.hpp"
 
 namespace tubetrack {
 
@@ -22,14 +23,6 @@ constexpr double kStray = 100.0;
 // After these steps, χ² this many times beyond a rival's (and one a node) won't come near it.
 constexpr int kHopelessSteps = 4;
 constexpr double kHopeless = 4.0;
-
-std::vector<double> lengths_along(const MeasuredCenterline& line) {
-  std::vector<double> along_m(1, 0.0);
-  for (std::size_t i = 1; i < line.nodes_m.size(); ++i) {
-    along_m.push_back(along_m.back() + (line.nodes_m[i] - line.nodes_m[i - 1]).norm());
-  }
-  return along_m;
-}
 
 void move(PartChain& chain, const Eigen::VectorXd& step) {
   const Eigen::Vector3d side = chain.direction.cross(chain.towards);

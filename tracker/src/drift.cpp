@@ -4,6 +4,8 @@
 #include <Eigen/LU>
 #include <algorithm>
 
+#include "motion.hpp"
+
 namespace tubetrack {
 
 namespace {
@@ -17,9 +19,9 @@ using Matrix13 = Eigen::Matrix<double, 13, 13>;
 // What calls itself at rest creeps by about this: a hand that holds still, a settling table, a camera that warms up.
 constexpr double kCreep_m_s = 0.001;
 
-Vector6 as_vector(const Twist& twist) {
+Vector6 as_vector(const TubeVelocity& velocity) {
   Vector6 v;
-  v << twist.shift_m, twist.turn_rad;
+  v << velocity.shift_m_s, velocity.turn_rad_s;
   return v;
 }
 
@@ -36,6 +38,11 @@ double reach_m(const TubeModel& model) {
 void start_drift(Drift& drift, const TubeModel& place) {
   drift = {};
   drift.anchor = place;
+}
+
+double mean_age_s(const Drift& drift) {
+  const double all = drift.information.topLeftCorner<3, 3>().trace();
+  return all > 0.0 ? drift.by_age.topLeftCorner<3, 3>().trace() / all : 0.0;
 }
 
 void add_frame(Drift& drift, const Information& observed) {
@@ -87,7 +94,7 @@ void turn(Drift& drift, const Eigen::Matrix3d& new_from_old) {
 
 /// A frame of age a saw the tube at d − v a. Least squares for the place now, d (with the radius), and v, which is held
 /// near zero by what a tube at rest may creep.
-VelocityChange judge_velocity(const Drift& drift, const Twist& velocity_per_s) {
+VelocityChange judge_velocity(const Drift& drift, const TubeVelocity& velocity) {
   const double turn_rad_s = kCreep_m_s / reach_m(drift.anchor);
   Vector6 hold = Vector6::Constant(1.0 / (kCreep_m_s * kCreep_m_s));
   hold.tail<3>().setConstant(1.0 / (turn_rad_s * turn_rad_s));
@@ -99,7 +106,7 @@ VelocityChange judge_velocity(const Drift& drift, const Twist& velocity_per_s) {
   matrix.bottomRightCorner<6, 6>() = drift.by_age2.topLeftCorner<6, 6>();
   matrix.bottomRightCorner<6, 6>().diagonal() += hold;
   Eigen::Matrix<double, 13, 1> right;
-  right << drift.seen, -drift.seen_by_age.head<6>() - hold.cwiseProduct(as_vector(velocity_per_s));
+  right << drift.seen, -drift.seen_by_age.head<6>() - hold.cwiseProduct(as_vector(velocity));
   const Eigen::LDLT<Matrix13> solver(matrix);
   const Vector6 change = solver.solve(right).tail<6>();
   const Matrix13 covariance = solver.solve(Matrix13::Identity());
@@ -107,11 +114,11 @@ VelocityChange judge_velocity(const Drift& drift, const Twist& velocity_per_s) {
   return {{change.head<3>(), change.tail<3>()}, covariance.topLeftCorner<6, 6>() - without.topLeftCorner<6, 6>()};
 }
 
-void recarry(Drift& drift, const Twist& change_per_s) {
-  Vector7 change = Vector7::Zero();
-  change.head<6>() = as_vector(change_per_s);
-  drift.seen += drift.by_age * change;
-  drift.seen_by_age += drift.by_age2 * change;
+void recarry(Drift& drift, const TubeVelocity& change) {
+  Vector7 all = Vector7::Zero();
+  all.head<6>() = as_vector(change);
+  drift.seen += drift.by_age * all;
+  drift.seen_by_age += drift.by_age2 * all;
 }
 
 }  // namespace tubetrack

@@ -1,12 +1,14 @@
 #pragma once
 
-#include "motion.hpp"
 #include "tubetrack/tracker/follow.hpp"
 
 namespace tubetrack {
 
 /// Starts anew at a place, with no frame and no velocity.
 void start_drift(Drift& drift, const TubeModel& place);
+
+/// Mean age of the frames, each counted by what it says of the place. 0 before the first.
+double mean_age_s(const Drift& drift);
 
 /// Takes in what one frame says of the tube (Information of its observations alone, of the anchor's size).
 void add_frame(Drift& drift, const Information& observed);
@@ -27,12 +29,12 @@ void turn(Drift& drift, const Eigen::Matrix3d& new_from_old);
 /// By how much the velocity that the frames so far were carried on with is wrong, and what not knowing it adds to the
 /// covariance of the place (shift, turn).
 struct VelocityChange {
-  Twist change_per_s;
+  TubeVelocity change;
   Eigen::Matrix<double, 6, 6> added_covariance = Eigen::Matrix<double, 6, 6>::Zero();
 };
-VelocityChange judge_velocity(const Drift& drift, const Twist& velocity_per_s);
+VelocityChange judge_velocity(const Drift& drift, const TubeVelocity& velocity);
 
-/// The same frames as if they had been carried on with a velocity that differs by `change_per_s`.
-void recarry(Drift& drift, const Twist& change_per_s);
+/// The same frames as if they had been carried on with a velocity that differs by so much.
+void recarry(Drift& drift, const TubeVelocity& change);
 
 }  // namespace tubetrack

@@ -163,74 +163,100 @@ Side side_of(const HeightMap& map, const TubeModel& model, const Extent& extent,
   return side;
 }
 
-}  // namespace
+constexpr int kSectionBins = 15;  // of 10° from −75° to 75°
 
-Evidence surface_evidence(const HeightMap& map, const NoiseModel& noise, const TubeModel& model,
-                          const std::vector<PredictedPixel>& predicted, const std::vector<Station>& stations,
-                          const Extent& extent) {
-  constexpr int kBins = 15;  // of 10° from −75° to 75°
-  std::array<double, kBins> sum{};
-  std::array<int, kBins> hits{};
-  std::array<int, kBins> wanted{};
-  double chi2 = 0.0;
+/// Sums over the pixels that should see a stretch of tube.
+struct SurfaceSums {
+  std::array<double, kSectionBins> off_m{};  ///< across the surface, of those that agree
+  std::array<int, kSectionBins> hits{};      ///< that agree
+  std::array<int, kSectionBins> wanted{};
   ShapeSums first_half, second_half;
-  const double middle = 0.5 * (extent.t_begin + extent.t_end);
   int agree = 0;
-  double mean_depth = 0.0;
+  double chi2 = 0.0;
+  double depth_m = 0.0;
+};
+
+SurfaceSums sum_surface(const HeightMap& map, const TubeModel& model, const std::vector<PredictedPixel>& predicted,
+                        const Extent& extent) {
+  SurfaceSums sums;
+  const double middle = 0.5 * (extent.t_begin + extent.t_end);
   for (const PredictedPixel& pixel : predicted) {
     if (pixel.cos_incidence < kCos75 || pixel.t < extent.t_begin || pixel.t > extent.t_end) continue;
     const double angle = std::asin(std::clamp(static_cast<double>(pixel.lateral), -1.0, 1.0));
-    const int bin = std::clamp(static_cast<int>((angle / std::numbers::pi * 180.0 + 75.0) / 10.0), 0, kBins - 1);
+    const int bin = std::clamp(static_cast<int>((angle / std::numbers::pi * 180.0 + 75.0) / 10.0), 0, kSectionBins - 1);
     const auto at = static_cast<std::size_t>(bin);
-    ++wanted[at];
+    ++sums.wanted[at];
     const float measured = map.depth_m[pixel.cell];
     if (measured <= 0.0F) continue;
     const double off = measured - pixel.depth_m;
-    add_to_shape(model, pixel, off, pixel.t < middle ? first_half : second_half);
+    add_to_shape(model, pixel, off, pixel.t < middle ? sums.first_half : sums.second_half);
     if (std::abs(off) > agreement_m(model, pixel)) continue;
     const double sigma = pixel.sigma_m;
-    ++agree;
-    ++hits[at];
-    sum[at] += off * pixel.cos_incidence;
-    chi2 += off * off / (sigma * sigma);
-    mean_depth += measured;
+    ++sums.agree;
+    ++sums.hits[at];
+    sums.off_m[at] += off * pixel.cos_incidence;
+    sums.chi2 += off * off / (sigma * sigma);
+    sums.depth_m += measured;
   }
-  Evidence evidence;
-  evidence.length_m = arc_length_m(model.spline, extent.t_begin, extent.t_end);
-  evidence.min_bend_radii = min_bend_radii(model, extent);
-  if (agree == 0) return evidence;
-  evidence.left = side_of(map, model, extent, predicted, -1.0);
-  evidence.right = side_of(map, model, extent, predicted, 1.0);
-  // A cone is flatter than the mean circle at its wide end, and rounder at the other.
-  evidence.taper = 2.0 * (second_half.slope() - first_half.slope()) * model.radius_m / evidence.length_m;
-  evidence.taper_sigma =
-      2.0 * std::hypot(first_half.slope_sigma(), second_half.slope_sigma()) * model.radius_m / evidence.length_m;
-  ShapeSums shape = first_half;
-  shape += second_half;
-  evidence.flatness = shape.slope();
-  evidence.flatness_sigma = shape.slope_sigma();
-  // Where the tube is hidden it is not confirmed, but nothing speaks against it either.
-  int seen_agree = 0;
-  int seen_expected = 0;
-  for (const Station& station : stations) {
-    if (!station.seen() || station.t < extent.t_begin || station.t > extent.t_end) continue;
-    seen_agree += station.agree;
-    seen_expected += station.expected;
-  }
-  evidence.support = seen_expected > 0 ? static_cast<double>(seen_agree) / seen_expected : 0.0;
-  evidence.noise_ratio = std::sqrt(chi2 / agree);
-  evidence.sigma_m = axial_sigma_m(noise, mean_depth / agree, 0.0);
-  evidence.width_px = 2.0 * model.radius_m * map.intrinsics.fx_px / (mean_depth / agree);
+  return sums;
+}
+
+/// How much of the section is seen, and how far its mean shape is off the circle.
+void judge_profile(const SurfaceSums& sums, double radius_m, Evidence& evidence) {
   double squares = 0.0;
   int bins = 0;
-  for (std::size_t i = 0; i < kBins; ++i) {
-    if (hits[i] < 5 || 3 * hits[i] < wanted[i]) continue;
-    const double mean = sum[i] / hits[i] / model.radius_m;
+  for (std::size_t i = 0; i < kSectionBins; ++i) {
+    if (sums.hits[i] < 5 || 3 * sums.hits[i] < sums.wanted[i]) continue;
+    const double mean = sums.off_m[i] / sums.hits[i] / radius_m;
     squares += mean * mean;
     ++bins;
   }
   evidence.arc_rad = bins * 10.0 / 180.0 * std::numbers::pi;
   evidence.profile_rms_radii = bins > 0 ? std::sqrt(squares / bins) : 1.0;
+}
+
+/// A cone is flatter than the mean circle at its wide end, and rounder at the other.
+void judge_taper(const SurfaceSums& sums, double radius_m, Evidence& evidence) {
+  const double per_length = 2.0 * radius_m / evidence.length_m;
+  evidence.taper = per_length * (sums.second_half.slope() - sums.first_half.slope());
+  evidence.taper_sigma = per_length * std::hypot(sums.first_half.slope_sigma(), sums.second_half.slope_sigma());
+  ShapeSums shape = sums.first_half;
+  shape += sums.second_half;
+  evidence.flatness = shape.slope();
+  evidence.flatness_sigma = shape.slope_sigma();
+}
+
+/// Where the tube is hidden it is not confirmed, but nothing speaks against it either.
+double support_of(const std::vector<Station>& stations, const Extent& extent) {
+  int agree = 0;
+  int expected = 0;
+  for (const Station& station : stations) {
+    if (!station.seen() || station.t < extent.t_begin || station.t > extent.t_end) continue;
+    agree += station.agree;
+    expected += station.expected;
+  }
+  return expected > 0 ? static_cast<double>(agree) / expected : 0.0;
+}
+
+}  // namespace
+
+Evidence surface_evidence(const HeightMap& map, const NoiseModel& noise, const TubeModel& model,
+                          const std::vector<PredictedPixel>& predicted, const std::vector<Station>& stations,
+                          const Extent& extent) {
+  const SurfaceSums sums = sum_surface(map, model, predicted, extent);
+  Evidence evidence;
+  evidence.length_m = arc_length_m(model.spline, extent.t_begin, extent.t_end);
+  evidence.min_bend_radii = min_bend_radii(model, extent);
+  if (sums.agree == 0) return evidence;
+  evidence.left = side_of(map, model, extent, predicted, -1.0);
+  evidence.right = side_of(map, model, extent, predicted, 1.0);
+  judge_taper(sums, model.radius_m, evidence);
+  evidence.support = support_of(stations, extent);
+  evidence.noise_ratio = std::sqrt(sums.chi2 / sums.agree);
+  const double depth_m = sums.depth_m / sums.agree;
+  evidence.sigma_m = axial_sigma_m(noise, depth_m, 0.0);
+  evidence.width_px = 2.0 * model.radius_m * map.intrinsics.fx_px / depth_m;
+  judge_profile(sums, model.radius_m, evidence);
   return evidence;
 }
 

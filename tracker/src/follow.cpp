@@ -201,7 +201,7 @@ void follow_tube(FollowedTube& tube, const HeightMap& map, const TrackerConfig& 
   fit_spline_to_extent(tube);
   if (tube.at_rest) creep_on(tube, elapsed_s);
   TubeModel expected = tube.model;
-  if (!tube.at_rest) move(expected, Twist{tube.velocity.shift_m_s, tube.velocity.turn_rad_s} * elapsed_s);
+  if (!tube.at_rest) move(expected, during(tube.velocity, elapsed_s));
   const FollowedTube before = tube;
   TubeModel model = expected;
   const bool placed = judge_motion(tube, map, config, model, elapsed_s);

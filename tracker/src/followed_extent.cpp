@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "drift.hpp"
+#include "motion.hpp"
 
 namespace tubetrack {
 

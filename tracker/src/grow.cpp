@@ -160,7 +160,8 @@ std::optional<FoundTube> grow_until_settled(const HeightMap& map, const TrackerC
   options.radius_m = config.radius_m;
   options.radius_min_m = 0.5 * config.radius_min_m;
   options.radius_max_m = 1.5 * config.radius_max_m;
-  std::vector<Station> stations = look(map, config, stride, found);
+  std::vector<Station> stations;
+  look(map, config, stride, found);
   double length_before_m = 0.0;
   int swings = 0;
   for (int round = 0; round < rounds.at_most; ++round) {
@@ -184,7 +185,7 @@ std::optional<FoundTube> grow_until_settled(const HeightMap& map, const TrackerC
     length_before_m = length_m;
     reach_beyond(found.model.spline, found.extent);
     if (spacing_m(found.model.spline) < 1e-4) return std::nullopt;
-    stations = look(map, config, stride, found);
+    look(map, config, stride, found);
   }
   if (found.extent.t_end <= found.extent.t_begin) return std::nullopt;
   found.evidence = surface_evidence(map, config.noise, found.model, found.pixels, stations, found.extent);

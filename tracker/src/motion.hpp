@@ -3,6 +3,7 @@
 #include <Eigen/Core>
 
 #include "normal_equations.hpp"
+#include "tubetrack/tracker/follow.hpp"
 
 namespace tubetrack {
 
@@ -10,9 +11,12 @@ namespace tubetrack {
 struct Twist {
   Eigen::Vector3d shift_m = Eigen::Vector3d::Zero();
   Eigen::Vector3d turn_rad = Eigen::Vector3d::Zero();
-
-  Twist operator*(double factor) const { return {factor * shift_m, factor * turn_rad}; }
 };
+
+/// The motion in a time at a velocity.
+inline Twist during(const TubeVelocity& velocity, double elapsed_s) {
+  return {elapsed_s * velocity.shift_m_s, elapsed_s * velocity.turn_rad_s};
+}
 
 void move(TubeModel& model, const Twist& twist);
 

@@ -73,7 +73,8 @@ double length_of(const PartChain& chain) {
 
 std::vector<Eigen::Vector3d> points_along(const PartChain& chain, double step_m) {
   std::vector<Eigen::Vector3d> points;
-  if (!(step_m > 0.0) || !std::isfinite(length_of(chain))) return points;
+  constexpr double kMostPoints = 1e7;
+  if (!(step_m > 0.0) || !(length_of(chain) < kMostPoints * step_m)) return points;
   const PlacedChain placed = place(chain);
   double at_m = 0.0;
   points.push_back(chain.start_m);
@@ -88,25 +89,6 @@ std::vector<Eigen::Vector3d> points_along(const PartChain& chain, double step_m)
   }
   add_part(chain.closing_m);
   return points;
-}
-
-PartChain reversed(const PartChain& chain) {
-  const PlacedChain placed = place(chain);
-  const ChainPoint end = point_on(placed, length_of(chain));
-  PartChain back;
-  back.start_m = end.position_m;
-  back.direction = -end.tangent;
-  back.towards = end.normal;
-  back.closing_m = chain.bends.empty() ? chain.closing_m : chain.bends.front().straight_m;
-  double straight_m = chain.closing_m;
-  for (std::size_t i = chain.bends.size(); i-- > 0;) {
-    const ChainBend& bend = chain.bends[i];
-    // The plane turns the same way round, seen along the tube from either end.
-    const double rotation_rad = i + 1 < chain.bends.size() ? chain.bends[i + 1].rotation_rad : 0.0;
-    back.bends.push_back({straight_m, rotation_rad, bend.angle_rad, bend.radius_m});
-    straight_m = bend.straight_m;
-  }
-  return back;
 }
 
 }  // namespace tubetrack

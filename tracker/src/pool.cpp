@@ -37,7 +37,6 @@ void start_pool(FollowedTube& tube) {
   tube.at_rest = true;
   tube.velocity = {};
   tube.frames_pooled = 0;
-  tube.pooled_age_s = 0.0;
   tube.pooled = radius_only(tube);
   start_drift(tube.drift, tube.model);
 }
@@ -53,26 +52,23 @@ void add_to_pool(FollowedTube& tube) {
   const Information observed{tube.quality.observed.matrix / doubt, tube.quality.observed.vector / doubt};
   tube.pooled.matrix += observed.matrix;
   tube.pooled.vector += observed.vector;
-  tube.pooled_age_s *= 1.0 - 1.0 / std::min(tube.frames_pooled, kMaxPooledFrames);
   add_frame(tube.drift, observed);
 }
 
 void creep_on(FollowedTube& tube, double elapsed_s) {
-  const Twist by = Twist{tube.velocity.shift_m_s, tube.velocity.turn_rad_s} * elapsed_s;
+  const Twist by = during(tube.velocity, elapsed_s);
   carry_pool(tube, by);
   move(tube.model, by);
   move(tube.drift.anchor, by);
   age(tube.drift, elapsed_s);
-  tube.pooled_age_s += elapsed_s;
 }
 
 void judge_creep(FollowedTube& tube) {
-  const Twist velocity{tube.velocity.shift_m_s, tube.velocity.turn_rad_s};
-  const VelocityChange found = judge_velocity(tube.drift, velocity);
-  recarry(tube.drift, found.change_per_s);
-  tube.velocity.shift_m_s += found.change_per_s.shift_m;
-  tube.velocity.turn_rad_s += found.change_per_s.turn_rad;
-  const Twist by = found.change_per_s * tube.pooled_age_s;
+  const VelocityChange found = judge_velocity(tube.drift, tube.velocity);
+  recarry(tube.drift, found.change);
+  tube.velocity.shift_m_s += found.change.shift_m_s;
+  tube.velocity.turn_rad_s += found.change.turn_rad_s;
+  const Twist by = during(found.change, mean_age_s(tube.drift));
   carry_pool(tube, by);
   move(tube.model, by);
   const Eigen::MatrixXd jacobian = by_motion(tube.model).leftCols<6>();

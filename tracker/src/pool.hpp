@@ -21,8 +21,7 @@ void add_to_pool(FollowedTube& tube);
 void creep_on(FollowedTube& tube, double elapsed_s);
 
 /// At rest, after a frame: how fast the tube creeps, seen over all frames pooled. A creeping tube is where the pool's
-/// mean frame saw it, and about as much farther as it crept since (the
-/// frames count alike); not knowing that to the end makes the place less sure.
+/// mean frame saw it, and as much farther as it crept since; not knowing that to the end makes the place less sure.
 void judge_creep(FollowedTube& tube);
 
 }  // namespace tubetrack

@@ -222,7 +222,6 @@ std::vector<PredictedPixel> predict_pixels(const HeightMap& map, const NoiseMode
 std::vector<Observation> select_observations(const HeightMap& map, const NoiseModel& noise,
                                              const std::vector<PredictedPixel>& predicted, double gate_m,
                                              double gate_sigmas) {
-  constexpr float kCos75 = 0.2588F;
   const float margin_px = 3.0F * static_cast<float>(noise.lateral_px);
   std::vector<Observation> observations;
   observations.reserve(predicted.size());

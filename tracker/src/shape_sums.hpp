@@ -7,8 +7,6 @@
 
 namespace tubetrack {
 
-constexpr float kCos75 = 0.2588F;
-
 /// Sums for the line off = a + flatness · R · cos φ by least squares, φ the angle around the section.
 struct ShapeSums {
   double n = 0.0, c = 0.0, cc = 0.0, r = 0.0, cr = 0.0;

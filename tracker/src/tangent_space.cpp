@@ -175,13 +175,18 @@ PartChain chain_of(const TangentSpace& space, const std::vector<Piece>& pieces, 
 
 }  // namespace
 
+std::vector<double> lengths_along(const MeasuredCenterline& line) {
+  std::vector<double> along_m(1, 0.0);
+  for (std::size_t i = 1; i < line.nodes_m.size(); ++i) {
+    along_m.push_back(along_m.back() + (line.nodes_m[i] - line.nodes_m[i - 1]).norm());
+  }
+  return along_m;
+}
+
 TangentSpace tangent_space(const MeasuredCenterline& line) {
   TangentSpace space;
   const std::size_t count = line.nodes_m.size();
-  std::vector<double> along_m(1, 0.0);
-  for (std::size_t i = 1; i < count; ++i) {
-    along_m.push_back(along_m.back() + (line.nodes_m[i] - line.nodes_m[i - 1]).norm());
-  }
+  const std::vector<double> along_m = lengths_along(line);
   const double spacing_m = along_m.back() / static_cast<double>(count - 1);
   const double window = std::clamp(std::round(kHalfWindowRadii * line.radius_m / spacing_m), 1.0, 50.0);
   Eigen::Vector3d tangent;
@@ -212,8 +217,7 @@ PartChain parts_in_tangent_space(const MeasuredCenterline& line, double thrift) 
   const std::size_t stride = (space.samples.size() + kMaxSamples - 1) / kMaxSamples;
   for (std::size_t i = 0; i * stride < space.samples.size(); ++i) space.samples[i] = space.samples[i * stride];
   space.samples.resize((space.samples.size() + stride - 1) / stride);
-  double length_m = 0.0;
-  for (std::size_t i = 1; i < line.nodes_m.size(); ++i) length_m += (line.nodes_m[i] - line.nodes_m[i - 1]).norm();
+  const double length_m = lengths_along(line).back();
   // Windows overlap and nodes are correlated: so many samples say what one does.
   const double spacing_m = length_m / static_cast<double>(space.samples.size());
   const double independent_m = std::max(2.0 * kHalfWindowRadii * line.radius_m, line.correlation_m);

@@ -20,6 +20,9 @@ struct TangentSpace {
   std::vector<Sample> samples;
 };
 
+/// The length along the nodes' polyline up to each of them.
+std::vector<double> lengths_along(const MeasuredCenterline& line);
+
 TangentSpace tangent_space(const MeasuredCenterline& line);
 
 /// A first guess of a line's parts: the cheapest cut of its tangent space into pieces of constant angle (straights) and

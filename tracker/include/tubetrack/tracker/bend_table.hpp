@@ -11,6 +11,7 @@ namespace tubetrack {
 /// - its angle or its bend radius is uncertain by more than a tenth of itself (1 σ), or its rotation by more than
 ///   0.1 rad: bends that turn little, or with little of them in view;
 /// - its bend may go on beyond the tube's end: the outer straight is shorter than 2 σ of its length;
+/// - no node decides one of them (σ 0);
 /// - it is the closing row and its length is below 2 σ.
 BendTable bend_table_of(const FittedChain& fitted);
 

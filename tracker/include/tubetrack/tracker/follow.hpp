@@ -47,12 +47,11 @@ struct FollowedTube {
   bool at_rest = true;
   Information pooled;                   ///< at rest: of all frames since it came to rest
   int frames_pooled = 0;                ///< at rest: how many; moving: frames since `anchor`
-  double pooled_age_s = 0.0;            ///< at rest: the frames' mean age
   Drift drift;                          ///< at rest: of the same frames
   std::optional<double> held_radius_m;  ///< as FoundTube's
   double radius_information = 0.0;      ///< 1/m²
   TubeModel anchor;                     ///< moving: where it was when it was last asked whether it still moves
-  TubeVelocity velocity;                ///< at rest: how it creeps
+  TubeVelocity velocity;                ///< of the motion, or at rest of the creeping
 };
 
 /// A tube just found, as the first frame of a followed one; if it was joined, lengthened along all that the image

@@ -64,10 +64,7 @@ ChainPoint point_on(const PlacedChain& chain, double along_m);
 double length_of(const PartChain& chain);
 
 /// Points at most `step_m` apart, the chain's ends and those of its parts among them. Empty where `step_m` is not
-/// positive.
+/// positive, or so small that there would be more than ten million.
 std::vector<Eigen::Vector3d> points_along(const PartChain& chain, double step_m);
-
-/// The same centreline from its other end.
-PartChain reversed(const PartChain& chain);
 
 }  // namespace tubetrack

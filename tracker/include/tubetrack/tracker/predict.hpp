@@ -7,6 +7,9 @@
 
 namespace tubetrack {
 
+/// Pixels that see the surface at a smaller cosine of incidence, beyond 75°, are neither fitted nor judged by.
+inline constexpr float kCos75 = 0.2588F;
+
 /// Where one pixel's ray meets the model.
 struct PredictedPixel {
   std::uint32_t cell = 0;

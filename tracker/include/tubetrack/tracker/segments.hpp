@@ -23,8 +23,8 @@ struct MeasuredCenterline {
 /// spacings of its knots, and at its ends the caps of the tube bend it.
 MeasuredCenterline fitted_centerline(const Tube& tube);
 
-/// Standard deviations of a ChainBend's numbers, always finite; 0 for what is not measured: the first rotation, and the
-/// straight between arcs that touch.
+/// Standard deviations of a ChainBend's numbers, always finite; 0 for what is not measured: the first rotation, the
+/// straight between arcs that touch, and what no node decides.
 struct BendSigma {
   double straight_m = 0.0;
   double rotation_rad = 0.0;
