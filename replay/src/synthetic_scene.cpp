@@ -24,7 +24,7 @@ Eigen::Isometry3d motion_at(const Motion& motion, double time_s) {
 }
 
 double frame_time_s(const Scene& scene, int frame) {
-  return frame / scene.frames_per_second;
+  return std::round(1e6 * frame / scene.frames_per_second) / 1e6;
 }
 
 namespace {

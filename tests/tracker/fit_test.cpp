@@ -173,6 +173,25 @@ TEST(Fit, ExactPointsGiveTheAxisAndTheRadiusToAMicrometre) {
   }
 }
 
+TEST(Fit, AnEndThatNothingObservesComesOutOfItsKinkAndGoesOnAsTheTubeDoes) {
+  const Straight tube;
+  auto observations = observe(tube, nullptr);
+  TubeModel model = straight_model(tube.point_m, tube.axis, tube.half_m, tube.radius_m);
+  std::erase_if(observations, [&](const Observation& o) { return o.t < 2.0 || o.t > model.spline.spans() - 2.0; });
+  auto& control = model.spline.control_m;
+  const double spacing = (control[1] - control[0]).norm();
+  control.back() += tube.radius_m * tube.axis.cross(Vector3d::UnitZ()).normalized();
+  control.front() -= tube.radius_m * Vector3d::UnitZ();
+  FitOptions options;
+  options.radius_m = tube.radius_m;
+  options.gauss_newton_steps = 30;  // as over so many frames
+  ASSERT_TRUE(fit_tube(model, observations, options));
+  for (const Vector3d& point : control) EXPECT_LT(tube.distance_m(point), 1e-5);
+  for (std::size_t k = 0; k + 1 < control.size(); ++k) {
+    EXPECT_NEAR((control[k + 1] - control[k]).norm(), spacing, 0.025 * spacing) << k;
+  }
+}
+
 TEST(Fit, AKnownRadiusIsHeld) {
   const Straight tube;
   TubeModel model = straight_model(tube.point_m, tube.axis, tube.half_m, 0.01);

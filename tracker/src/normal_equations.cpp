@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <utility>
 #include <vector>
 
 namespace tubetrack {
@@ -99,6 +100,19 @@ void add_prior(const std::vector<Eigen::Vector3d>& control_m, std::size_t first,
   }
 }
 
+/// The first and the last control point of which the equations say anything so far.
+std::pair<std::size_t, std::size_t> informed_range(const NormalEquations& eq) {
+  const auto informed = [&](std::size_t k) {
+    const auto at = static_cast<Eigen::Index>(3 * k);
+    return eq.matrix(at, at) > 0.0;
+  };
+  std::size_t first = 0;
+  auto last = static_cast<std::size_t>(eq.matrix.rows() / 3 - 1);
+  while (first < last && !informed(first)) ++first;
+  while (last > first && !informed(last)) --last;
+  return {first, last};
+}
+
 /// The third difference is zero on straights and arcs alike, so this smooths without pulling bends inward; moving
 /// points along the tube changes nothing that is seen, so that is held, and their spacing kept even.
 void add_priors(const TubeModel& model, double suppleness, NormalEquations& eq) {
@@ -106,11 +120,13 @@ void add_priors(const TubeModel& model, double suppleness, NormalEquations& eq) 
   const double spacing = mean_spacing_m(model.spline);
   // Where a straight meets the tightest usual bend (radius 5 R), the third difference is spacing² / 5 R; elsewhere it
   // is nearly none. So its distribution has long tails (Cauchy's, by reweighting): few large ones cost less than many
-  // small ones.
+  // small ones. An end that nothing observes goes on as it comes; with long tails a kink in it would stay.
+  const auto [first, last] = informed_range(eq);
   const double third_sigma = kCalmThird * suppleness * spacing * spacing / (5.0 * model.radius_m);
   for (std::size_t k = 0; k + 3 < q.size(); ++k) {
     const double third = (q[k + 3] - q[k] + 3.0 * (q[k + 1] - q[k + 2])).norm();
-    const double weight = inverse_square(third_sigma) / (1.0 + third * third * inverse_square(3.0 * third_sigma));
+    const double far = k >= first && k + 3 <= last ? third / (3.0 * third_sigma) : 0.0;
+    const double weight = inverse_square(third_sigma) / (1.0 + far * far);
     add_prior<4>(q, k, {-1.0, 3.0, -3.0, 1.0}, weight * Eigen::Matrix3d::Identity(), eq);
   }
   // A bend of radius 3 R is one σ: too weak to matter where the surface is seen, enough to hold what is not.

@@ -108,6 +108,7 @@ struct Scene {
   std::vector<CameraKey> camera_path;  ///< empty: the camera rests in the world's origin
 };
 
+/// To the microsecond, as devices tell it: a recording played as a device has the times of the recording.
 double frame_time_s(const Scene& scene, int frame);
 
 /// Identity when the scene has no camera path.
