@@ -160,7 +160,7 @@ RC_GTEST_PROP(AccumulationMap, ABoxIsTheSumOfItsVoxels, (const Records& records)
 
 /// Peaks by looking at every voxel.
 std::vector<VoxelIndex> peaks_by_force(const DenseMap& map, int min_votes, int half) {
-  const int own = std::max(1, min_votes / ((2 * half + 1) * (2 * half + 1) * (2 * half + 1)));
+  const int own = std::max(1, min_votes / 6);
   std::map<VoxelIndex, int> sums;
   for (const auto& [at, voxel] : map) {
     const int sum = box_of(map, at, half).votes;

@@ -200,20 +200,30 @@ std::vector<VoxelIndex> AccumulationMap::peaks(int min_votes, int box_half) cons
     VoxelIndex index;
   };
   constexpr std::size_t kVoxels = kSide * kSide * kSide;
-  const int side = 2 * box_half + 1;
-  const int own_votes = std::max(1, min_votes / (side * side * side));
-  std::vector<int> sums(blocks_.size() * kVoxels, 0);  // of candidates; 0 elsewhere
+  constexpr std::size_t kNone = std::numeric_limits<std::size_t>::max();
+  const int own_votes = std::max(1, min_votes / 6);
+  std::vector<std::size_t> sums_of(blocks_.size(), kNone);  // where in `sums` a block's are
+  std::vector<int> sums;                                    // of candidates; 0 elsewhere
   std::vector<Candidate> candidates;
   for (const auto& [key, block] : block_of_) {
     const Block& here = blocks_[block];
-    for (int i = 0; i < kSide * kSide * kSide; ++i) {
-      const auto at = static_cast<std::size_t>(i);
-      if (here.votes[at] < own_votes) continue;
-      const VoxelIndex index{key.z * kSide + i / 64, key.y * kSide + i / 8 % 8, key.x * kSide + i % 8};
-      const int votes = box_votes(index, box_half);
-      if (votes < min_votes) continue;
-      sums[block * kVoxels + at] = votes;
-      candidates.push_back({votes, index});
+    for (int row = 0; row < kSide * kSide; ++row) {
+      const std::int32_t* votes_in_row = here.votes.data() + row * kSide;
+      int enough = 0;
+      for (int x = 0; x < kSide; ++x) enough |= static_cast<int>(votes_in_row[x] >= own_votes);
+      if (enough == 0) continue;
+      for (int x = 0; x < kSide; ++x) {
+        if (votes_in_row[x] < own_votes) continue;
+        const VoxelIndex index{key.z * kSide + row / kSide, key.y * kSide + row % kSide, key.x * kSide + x};
+        const int votes = box_votes(index, box_half);
+        if (votes < min_votes) continue;
+        if (sums_of[block] == kNone) {
+          sums_of[block] = sums.size();
+          sums.resize(sums.size() + kVoxels, 0);
+        }
+        sums[sums_of[block] + static_cast<std::size_t>(row * kSide + x)] = votes;
+        candidates.push_back({votes, index});
+      }
     }
   }
   const auto beaten = [&](const Candidate& candidate) {
@@ -226,8 +236,8 @@ std::vector<VoxelIndex> AccumulationMap::peaks(int min_votes, int box_half) cons
         key = here;
         block = block_of_.find(key);
       }
-      if (block == block_of_.end()) continue;
-      const int votes = sums[block->second * kVoxels + static_cast<std::size_t>(local_index(other))];
+      if (block == block_of_.end() || sums_of[block->second] == kNone) continue;
+      const int votes = sums[sums_of[block->second] + static_cast<std::size_t>(local_index(other))];
       if (votes > candidate.votes || (votes == candidate.votes && other < candidate.index)) return true;
     }
     return false;

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
 
 #include "followed_extent.hpp"
 #include "motion.hpp"
@@ -14,6 +15,8 @@ namespace {
 constexpr double kRestChi2 = 30.0;      // 6 degrees of freedom: once in 25,000 frames by chance
 constexpr int kFramesToComeToRest = 6;  // long enough for 1 mm/s to show
 constexpr double kEndTrim = 0.6;        // spans
+constexpr double kRoundness = 3e-4;
+constexpr double kStale = 0.02;  // radii: so far a model may have moved from the one whose pixels were predicted
 
 FitOptions fit_options(const TrackerConfig& config, const FollowedTube& tube, const Information* prior) {
   FitOptions options;
@@ -28,11 +31,15 @@ double inverse(double value) {
   return value > 0.0 ? 1.0 / value : 0.0;
 }
 
+void predict(FollowedTube& tube, const HeightMap& map, const TrackerConfig& config, const TubeModel& model) {
+  predict_pixels(map, config.noise, model, 1, tube.pixels);
+}
+
 /// Observations of the stretch that is known, short of its ends: what lies there may be the end's own face, or what it
 /// touches. A short piece gives up a tenth at either end.
-std::vector<Observation> observe(const HeightMap& map, const TrackerConfig& config, const FollowedTube& tube,
-                                 const std::vector<PredictedPixel>& pixels, double gate_m) {
-  auto observations = select_observations(map, config.noise, pixels, gate_m, 4.0);
+std::vector<Observation> observe(const FollowedTube& tube, const HeightMap& map, const TrackerConfig& config,
+                                 double gate_m) {
+  auto observations = select_observations(map, config.noise, tube.pixels, gate_m, 4.0);
   const double trim = std::min(kEndTrim, 0.1 * (tube.extent.t_end - tube.extent.t_begin));
   std::erase_if(observations, [&](const Observation& observation) {
     return observation.t < tube.extent.t_begin + trim || observation.t > tube.extent.t_end - trim;
@@ -40,40 +47,38 @@ std::vector<Observation> observe(const HeightMap& map, const TrackerConfig& conf
   return observations;
 }
 
-/// The motion from where a model is to where the observations are; `enough` false: too few to tell.
-struct Placed {
-  MotionEstimate estimate;
-  bool enough = false;
-};
-Placed place(const HeightMap& map, const TrackerConfig& config, const FollowedTube& tube, const TubeModel& model,
-             double gate_radii) {
-  const auto pixels = predict_pixels(map, config.noise, model);
-  const auto observations = observe(map, config, tube, pixels, gate_radii * model.radius_m);
+/// The motion from where a model is to where the observations are; empty where they are too few to tell. Here and in
+/// `fit_once` the tube's pixels are the model's.
+std::optional<MotionEstimate> place(const FollowedTube& tube, const HeightMap& map, const TrackerConfig& config,
+                                    const TubeModel& model, double gate_radii) {
+  const auto observations = observe(tube, map, config, gate_radii * model.radius_m);
   const NormalEquations eq = normal_equations(model, observations, fit_options(config, tube, nullptr));
-  if (eq.used < 20) return {};
-  return {estimate_motion(model, eq.observed, eq.observed_right, tube.radius_information), true};
+  if (eq.used < 20) return std::nullopt;
+  return estimate_motion(model, eq.observed, eq.observed_right, tube.radius_information);
 }
 
-/// Goes over from rest to motion and back. `model` starts where the tube is expected and ends where the frame sees it.
+/// Goes over from rest to motion and back. `model` starts where the tube is expected and ends where the frame sees it,
+/// with its pixels predicted.
 bool judge_motion(FollowedTube& tube, const HeightMap& map, const TrackerConfig& config, TubeModel& model,
                   double elapsed_s) {
-  const Placed first = place(map, config, tube, model, 0.5);
-  if (!first.enough) return false;
+  predict(tube, map, config, model);
+  const auto first = place(tube, map, config, model, 0.5);
+  if (!first) return false;
   if (tube.at_rest) {
-    if (motion_chi2(model, first.estimate, tube.pooled.matrix) < kRestChi2) return true;
+    if (motion_chi2(model, *first, tube.pooled.matrix) < kRestChi2) return true;
     tube.at_rest = false;
     tube.frames_pooled = 0;
     tube.anchor = tube.model;
   }
-  move(model, first.estimate.twist);
-  const Placed second = place(map, config, tube, model, 0.25);
-  if (!second.enough) return false;
-  move(model, second.estimate.twist);
-  const Twist change{first.estimate.twist.shift_m + second.estimate.twist.shift_m,
-                     first.estimate.twist.turn_rad + second.estimate.twist.turn_rad};
+  move(model, first->twist);
+  predict(tube, map, config, model);
+  const auto second = place(tube, map, config, model, 0.25);
+  if (!second) return false;
+  move(model, second->twist);
+  predict(tube, map, config, model);
   if (elapsed_s > 0.0) {
-    tube.velocity.shift_m_s += 0.6 * change.shift_m / elapsed_s;
-    tube.velocity.turn_rad_s += 0.6 * change.turn_rad / elapsed_s;
+    tube.velocity.shift_m_s += 0.6 * (first->twist.shift_m + second->twist.shift_m) / elapsed_s;
+    tube.velocity.turn_rad_s += 0.6 * (first->twist.turn_rad + second->twist.turn_rad) / elapsed_s;
   }
   return true;
 }
@@ -82,8 +87,10 @@ bool judge_motion(FollowedTube& tube, const HeightMap& map, const TrackerConfig&
 void judge_rest(FollowedTube& tube, const HeightMap& map, const TrackerConfig& config) {
   if (++tube.frames_pooled < kFramesToComeToRest) return;
   tube.frames_pooled = 0;
-  const Placed back = place(map, config, tube, tube.anchor, 0.5);
-  if (back.enough && motion_chi2(tube.anchor, back.estimate, tube.quality.observed.matrix) < kRestChi2) {
+  FollowedTube before = tube;
+  predict(before, map, config, tube.anchor);
+  const auto back = place(before, map, config, tube.anchor, 0.5);
+  if (back && motion_chi2(tube.anchor, *back, tube.quality.observed.matrix) < kRestChi2) {
     start_pool(tube);
     add_to_pool(tube);
     return;
@@ -91,34 +98,53 @@ void judge_rest(FollowedTube& tube, const HeightMap& map, const TrackerConfig& c
   tube.anchor = tube.model;
 }
 
-bool fit_to_frame(FollowedTube& tube, const HeightMap& map, const TrackerConfig& config, TubeModel model,
-                  const Information& prior) {
+/// One step from a model that is near.
+bool fit_once(FollowedTube& tube, const HeightMap& map, const TrackerConfig& config, TubeModel& model,
+              const Information& prior, double gate_radii, bool want_covariance) {
+  const auto observations = observe(tube, map, config, gate_radii * model.radius_m);
+  FitOptions options = fit_options(config, tube, &prior);
+  options.gauss_newton_steps = 1;
+  options.want_covariance = want_covariance;
+  auto quality = fit_tube(model, observations, options);
+  if (!quality) return false;
   const double radius_sigma_m = tube.quality.radius_sigma_m;
-  for (const double gate_radii : {0.2, 0.1}) {
-    tube.pixels = predict_pixels(map, config.noise, model);
-    const auto observations = observe(map, config, tube, tube.pixels, gate_radii * model.radius_m);
-    FitOptions options = fit_options(config, tube, &prior);
-    options.gauss_newton_steps = 1;
-    options.want_covariance = gate_radii < 0.15;
-    auto quality = fit_tube(model, observations, options);
-    if (!quality) return false;
-    tube.quality = std::move(*quality);
-  }
-  tube.model = std::move(model);
-  if (tube.held_radius_m) {
-    tube.quality.radius_sigma_m = radius_sigma_m;
-  } else if (!config.radius_m) {
-    // The radius may be known no better than to a few parts in ten thousand: no tube is rounder.
-    const double floor_m = 3e-4 * tube.model.radius_m;
-    tube.quality.radius_sigma_m = std::hypot(tube.quality.radius_sigma_m, floor_m);
-    tube.radius_information = inverse(tube.quality.radius_sigma_m * tube.quality.radius_sigma_m);
-  }
+  tube.quality = std::move(*quality);
+  if (tube.held_radius_m) tube.quality.radius_sigma_m = radius_sigma_m;
   return true;
 }
 
-/// Pixels and stations of the present model, and what they say of its extent, support and state.
-void look(FollowedTube& tube, const HeightMap& map, const TrackerConfig& config) {
-  tube.pixels = predict_pixels(map, config.noise, tube.model);
+void take_model(FollowedTube& tube, TubeModel model, const TrackerConfig& config) {
+  tube.model = std::move(model);
+  if (tube.held_radius_m || config.radius_m) return;
+  // The radius may be known no better than to a few parts in ten thousand: no tube is rounder.
+  tube.quality.radius_sigma_m = std::hypot(tube.quality.radius_sigma_m, kRoundness * tube.model.radius_m);
+  tube.radius_information = inverse(tube.quality.radius_sigma_m * tube.quality.radius_sigma_m);
+}
+
+/// Two steps, for a model that may be farther off.
+bool fit_to_frame(FollowedTube& tube, const HeightMap& map, const TrackerConfig& config, TubeModel model) {
+  const Information nothing = no_information(model);
+  predict(tube, map, config, model);
+  if (!fit_once(tube, map, config, model, nothing, 0.2, false)) return false;
+  predict(tube, map, config, model);
+  if (!fit_once(tube, map, config, model, nothing, 0.1, true)) return false;
+  take_model(tube, std::move(model), config);
+  return true;
+}
+
+/// How far a step took what is in sight.
+double moved_m(const TubeModel& from, const TubeModel& to, const Extent& extent) {
+  constexpr double kSteps = 16;
+  double farthest = std::abs(to.radius_m - from.radius_m);
+  for (double i = 0; i <= kSteps; ++i) {
+    const double t = extent.t_begin + (extent.t_end - extent.t_begin) * i / kSteps;
+    farthest = std::max(farthest, (point_at(to.spline, t) - point_at(from.spline, t)).norm());
+  }
+  return farthest;
+}
+
+/// What the tube's pixels, which are predicted, say of its stations, extent, support and state.
+void look(FollowedTube& tube, const HeightMap& map) {
   const double station_m = station_length_m(map, tube.model);
   tube.stations = stations_of(map, tube.model, tube.pixels, station_m);
   const Extent extent = confirmed_extent(tube.stations, tube.extent);
@@ -145,8 +171,9 @@ void lengthen(FollowedTube& tube, const HeightMap& map, const TrackerConfig& con
   for (int round = 0; round < kMaxRounds && stalled < 3; ++round) {
     FollowedTube longer = tube;
     fit_spline_to_extent(longer);
-    if (!fit_to_frame(longer, map, config, longer.model, no_information(longer.model))) return;
-    look(longer, map, config);
+    if (!fit_to_frame(longer, map, config, longer.model)) return;
+    predict(longer, map, config, longer.model);
+    look(longer, map);
     if (longer.state != TubeState::tracked) return;
     if (min_bend_radii(longer.model, longer.extent) < config.min_bend_radii) return;
     const double gain = (longer.extent.t_end - longer.extent.t_begin) - (tube.extent.t_end - tube.extent.t_begin);
@@ -164,6 +191,25 @@ void pool_first_frame(FollowedTube& tube) {
   start_pool(tube);
   tube.pooled = no_information(tube.model);  // the radius is in what was observed
   add_to_pool(tube);
+}
+
+/// A copy but for pixels and stations, which are large.
+FollowedTube without_sight(FollowedTube& tube) {
+  auto pixels = std::move(tube.pixels);
+  auto stations = std::move(tube.stations);
+  FollowedTube copy = tube;
+  tube.pixels = std::move(pixels);
+  tube.stations = std::move(stations);
+  return copy;
+}
+
+/// Not seen where it is expected: it stays as it was before this frame, but there.
+void keep_expected(FollowedTube& tube, FollowedTube before, TubeModel expected) {
+  before.model = std::move(expected);
+  before.state = tube.state;
+  before.pixels = std::move(tube.pixels);
+  before.stations = std::move(tube.stations);
+  tube = std::move(before);
 }
 
 }  // namespace
@@ -191,7 +237,7 @@ FollowedTube start_following(FoundTube found, const HeightMap& map, const Tracke
 void pool_without_ends(FollowedTube& tube, const HeightMap& map, const TrackerConfig& config) {
   if (length_m(tube) <= 8.0 * tube.model.radius_m) return;
   FollowedTube without = tube;
-  if (!fit_to_frame(without, map, config, tube.model, no_information(tube.model))) return;
+  if (!fit_to_frame(without, map, config, tube.model)) return;
   tube.quality.observed = std::move(without.quality.observed);
   pool_first_frame(tube);
 }
@@ -202,23 +248,24 @@ void follow_tube(FollowedTube& tube, const HeightMap& map, const TrackerConfig& 
   if (tube.at_rest) creep_on(tube, elapsed_s);
   TubeModel expected = tube.model;
   if (!tube.at_rest) move(expected, during(tube.velocity, elapsed_s));
-  const FollowedTube before = tube;
+  FollowedTube before = without_sight(tube);
   TubeModel model = expected;
-  const bool placed = judge_motion(tube, map, config, model, elapsed_s);
-  const bool fitted =
-      placed && fit_to_frame(tube, map, config, std::move(model), tube.at_rest ? tube.pooled : radius_only(tube));
-  if (!fitted) tube.model = expected;
-  look(tube, map, config);
+  bool fitted = judge_motion(tube, map, config, model, elapsed_s);
+  if (fitted) {
+    const TubeModel predicted = model;
+    fitted = fit_once(tube, map, config, model, tube.at_rest ? tube.pooled : radius_only(tube), 0.1, true);
+    if (fitted) take_model(tube, std::move(model), config);
+    if (fitted && moved_m(predicted, tube.model, tube.extent) > kStale * tube.model.radius_m)
+      predict(tube, map, config, tube.model);
+  }
+  if (!fitted) {
+    tube.model = expected;
+    predict(tube, map, config, expected);
+  }
+  look(tube, map);
   if (!fitted && tube.state == TubeState::tracked) tube.state = TubeState::lost;
   if (tube.state != TubeState::tracked) {
-    const TubeState state = tube.state;
-    auto pixels = std::move(tube.pixels);
-    auto stations = std::move(tube.stations);
-    tube = before;
-    tube.model = std::move(expected);
-    tube.state = state;
-    tube.pixels = std::move(pixels);
-    tube.stations = std::move(stations);
+    keep_expected(tube, std::move(before), std::move(expected));
     return;
   }
   tube.last_seen_s = timestamp_s;

@@ -77,8 +77,8 @@ class AccumulationMap {
   Eigen::Vector3d center_of(const VoxelIndex& index) const;
 
   /// Voxels with at least `min_votes` in their box and more than any voxel next to them (ties: the lower index wins),
-  /// best first. Only voxels that hold a fair share of `min_votes` themselves (at least the box's mean, rounded down,
-  /// and one vote) take part.
+  /// best first. Only voxels that hold a sixth of `min_votes` themselves (rounded down, at least one vote) take part:
+  /// most hold a stray vote or none.
   std::vector<VoxelIndex> peaks(int min_votes, int box_half) const;
 
  private:
