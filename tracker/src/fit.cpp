@@ -1,9 +1,9 @@
 #include "tubetrack/tracker/fit.hpp"
 
-#include <Eigen/SparseCholesky>
 #include <algorithm>
 #include <cmath>
 
+#include "band_solver.hpp"
 #include "normal_equations.hpp"
 
 namespace tubetrack {
@@ -36,10 +36,8 @@ std::optional<FitQuality> fit_tube(TubeModel& model, const std::vector<Observati
       quality.observed.vector = eq.observed * parameters_of(model) + eq.observed_right;
       quality.observed.matrix = std::move(eq.observed);
     }
-    // A band of twelve and one full row, last: nothing fills in.
-    const Eigen::SimplicialLLT<Eigen::SparseMatrix<double>, Eigen::Lower, Eigen::NaturalOrdering<int>> solver(
-        eq.matrix.sparseView());
-    if (solver.info() != Eigen::Success) return std::nullopt;
+    const BandSolver solver(eq.matrix);
+    if (!solver.ok()) return std::nullopt;
     const Eigen::VectorXd change = solver.solve(eq.right);
     if (!change.allFinite()) return std::nullopt;
     for (std::size_t k = 0; k < model.spline.control_m.size(); ++k) {
@@ -53,7 +51,7 @@ std::optional<FitQuality> fit_tube(TubeModel& model, const std::vector<Observati
     }
     quality.chi2_per_observation = eq.chi2 / eq.used;
     if (last_step && options.want_covariance) {
-      quality.covariance = solver.solve(Eigen::MatrixXd::Identity(change.size(), change.size()));
+      quality.covariance = solver.inverse_in_band();
       quality.covariance *= std::max(1.0, quality.chi2_per_observation);
     }
   }

@@ -6,6 +6,8 @@
 #include <utility>
 #include <vector>
 
+#include "stretch_sums.hpp"
+
 namespace tubetrack {
 
 namespace {
@@ -24,50 +26,17 @@ double mean_spacing_m(const Spline& spline) {
   return sum / static_cast<double>(q.size() - 1);
 }
 
-/// What the observations of one short stretch say of the centreline's point there and the radius. Within a stretch all
-/// share the spline's weights at its middle: that changes which mean of them is taken, not what it is a mean of.
-struct Stretch {
-  Eigen::Matrix3d point_point = Eigen::Matrix3d::Zero();
-  Eigen::Vector3d point_radius = Eigen::Vector3d::Zero();
-  Eigen::Vector3d point_residual = Eigen::Vector3d::Zero();
-  double radius_radius = 0.0;
-  double radius_residual = 0.0;
-  int used = 0;
-};
-
-constexpr int kStretchesPerSpan = 8;
-
-std::vector<Stretch> sum_stretches(const TubeModel& model, std::span<const Observation> observations, double& chi2) {
-  const double spans = model.spline.spans();
-  const int count = static_cast<int>(std::lround(spans)) * kStretchesPerSpan;
-  std::vector<Stretch> stretches(static_cast<std::size_t>(count));
-  const std::vector<SpanPolynomial> curve = polynomials_of(model.spline);
-  for (const Observation& observation : observations) {
-    const ResidualTerm term = residual_on(curve, model.radius_m, observation);
-    if (!term.valid) continue;
-    Stretch& s =
-        stretches[static_cast<std::size_t>(std::clamp(static_cast<int>(term.t * kStretchesPerSpan), 0, count - 1))];
-    const double weight = inverse_square(observation.sigma_m);
-    const Eigen::Vector3d weighted = weight * term.by_point;
-    s.point_point += weighted * term.by_point.transpose();
-    s.point_radius += term.by_radius * weighted;
-    s.point_residual += term.residual_m * weighted;
-    s.radius_radius += weight * term.by_radius * term.by_radius;
-    s.radius_residual += weight * term.by_radius * term.residual_m;
-    chi2 += weight * term.residual_m * term.residual_m;
-    ++s.used;
-  }
-  return stretches;
-}
-
 void add_observations(const TubeModel& model, std::span<const Observation> observations, bool free_radius,
                       NormalEquations& eq) {
   const Eigen::Index radius_at = eq.matrix.rows() - 1;
-  const std::vector<Stretch> stretches = sum_stretches(model, observations, eq.chi2);
+  const std::vector<StretchSums> stretches = sum_stretches(model, observations);
   for (std::size_t k = 0; k < stretches.size(); ++k) {
-    const Stretch& s = stretches[k];
+    const StretchSums& s = stretches[k];
     if (s.used == 0) continue;
     eq.used += s.used;
+    eq.chi2 += s.chi2;
+    // All share the spline's weights at the stretch's middle: that changes which mean of them is taken, not what it is
+    // a mean of.
     const SplineBasis basis = basis_at(model.spline, (static_cast<double>(k) + 0.5) / kStretchesPerSpan);
     for (std::size_t i = 0; i < 4; ++i) {
       const auto row = static_cast<Eigen::Index>(3 * (basis.first + i));

@@ -47,7 +47,9 @@ struct FitQuality {
   double chi2_per_observation = 0.0;
   double radius_sigma_m = 0.0;
   Information observed;        ///< of these observations alone
-  Eigen::MatrixXd covariance;  ///< of all control points (x, y, z each) and, last, the radius; inflated by χ² above 1
+  /// Of all control points (x, y, z each) and, last, the radius; inflated by χ² above 1. Of control points that are more
+  /// than three apart, which no place of the centreline shares, it says zero.
+  Eigen::MatrixXd covariance;
 };
 
 /// Gauss-Newton on residuals along the observations' directions (paper, section 2.3, equation 1, with the noise where

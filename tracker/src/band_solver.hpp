@@ -1,0 +1,28 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <Eigen/SparseCholesky>
+
+namespace tubetrack {
+
+/// LDLᵀ of a symmetric positive definite matrix as NormalEquations has it: each control point (three rows) is tied to
+/// the three before and behind it, and the last row to all. Nothing fills in, so time grows with the size alone.
+class BandSolver {
+ public:
+  /// `matrix` must have 3 n + 1 rows; only its lower half is read, and of that only the band and the last row.
+  explicit BandSolver(const Eigen::MatrixXd& matrix);
+
+  /// False where the matrix is not positive definite; then there is no solution.
+  bool ok() const { return ok_; }
+  Eigen::VectorXd solve(const Eigen::VectorXd& right) const { return factor_.solve(right); }
+  /// The inverse inside the band and in the last row and column, zero elsewhere (Takahashi's recurrence: an entry of
+  /// the inverse where the factor has one depends on others of that kind alone).
+  Eigen::MatrixXd inverse_in_band() const;
+
+ private:
+  using Factor = Eigen::SimplicialLDLT<Eigen::SparseMatrix<double>, Eigen::Lower, Eigen::NaturalOrdering<int>>;
+  Factor factor_;
+  bool ok_ = false;
+};
+
+}  // namespace tubetrack
