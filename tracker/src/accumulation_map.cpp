@@ -124,10 +124,12 @@ void AccumulationMap::cast(const VoteRecord& record, int sign) {
     const auto local = static_cast<std::size_t>(local_index(index));
     Voxel& voxel = block->voxels[local];
     const bool was_filled = voxel != Voxel{};
+    const bool was_shared = voxel.votes > 1;
     vote.steps = weight * step;
     voxel += vote;
     block->votes[local] = voxel.votes;
     block->filled += static_cast<int>(voxel != Voxel{}) - static_cast<int>(was_filled);
+    block->shared += static_cast<int>(voxel.votes > 1) - static_cast<int>(was_shared);
   }
   if (block) leave_block(key, *block);
 }
@@ -207,6 +209,7 @@ std::vector<VoxelIndex> AccumulationMap::peaks(int min_votes, int box_half) cons
   std::vector<Candidate> candidates;
   for (const auto& [key, block] : block_of_) {
     const Block& here = blocks_[block];
+    if (own_votes > 1 && here.shared == 0) continue;
     for (int row = 0; row < kSide * kSide; ++row) {
       const std::int32_t* votes_in_row = here.votes.data() + row * kSide;
       int enough = 0;

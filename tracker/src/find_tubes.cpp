@@ -12,7 +12,8 @@ namespace tubetrack {
 namespace {
 
 constexpr int kMinVotes = 12;
-constexpr int kFramesToRest = 8;
+constexpr int kFirstRest = 8;     // frames
+constexpr int kLongestRest = 32;  // a second
 
 /// The traced points around the peak as long as they run smoothly and at one radius.
 std::vector<Eigen::Vector3d> smooth_part(const std::vector<TracePoint>& trace, const VoxelIndex& peak,
@@ -40,6 +41,28 @@ double radius_of(std::vector<TracePoint> trace) {
   std::nth_element(trace.begin(), middle, trace.end(),
                    [](const TracePoint& a, const TracePoint& b) { return a.radius_m < b.radius_m; });
   return middle->radius_m;
+}
+
+bool lies_at(const FailedPlace& place, const Eigen::Vector3d& center_m, double cell_m) {
+  const double near_m = std::max(2.0 * cell_m, 0.3 * place.radius_m);
+  return (place.position_m - center_m).squaredNorm() < near_m * near_m;
+}
+
+bool is_at_rest(const std::vector<FailedPlace>& failed, const Eigen::Vector3d& center_m, int votes, double cell_m) {
+  return std::any_of(failed.begin(), failed.end(), [&](const FailedPlace& place) {
+    return place.frames < place.rest_frames && 2 * votes < 3 * place.votes && lies_at(place, center_m, cell_m);
+  });
+}
+
+/// The whole trace of a seed that failed.
+void put_to_rest(std::vector<FailedPlace>& failed, const std::vector<TracePoint>& trace, int votes, double cell_m) {
+  int rest = kFirstRest;
+  const Eigen::Vector3d& center_m = trace[trace.size() / 2].position_m;
+  for (const FailedPlace& place : failed) {
+    if (lies_at(place, center_m, cell_m)) rest = std::max(rest, std::min(2 * place.rest_frames, kLongestRest));
+  }
+  for (const TracePoint& point : trace)
+    failed.push_back({point.position_m, point.radius_m, std::max(point.votes, votes), rest, 0});
 }
 
 /// Withdraws the votes of every surfel on the tube.
@@ -77,22 +100,18 @@ std::vector<FoundTube> find_tubes(AccumulationMap& votes, std::span<const Surfel
   Stopwatch watch;
   std::vector<FoundTube> tubes;
   std::vector<bool> withdrawn(surfels.size(), false);
-  for (FailedPlace& place : failed) --place.frames_left;
-  std::erase_if(failed, [](const FailedPlace& place) { return place.frames_left <= 0; });
+  for (FailedPlace& place : failed) ++place.frames;
+  std::erase_if(failed, [](const FailedPlace& place) { return place.frames >= 2 * place.rest_frames; });
   int failures = 0;
   const std::vector<VoxelIndex> peaks = votes.peaks(kMinVotes, 1);
   watch.lap(times.trace_ms);
   for (const VoxelIndex& peak : peaks) {
     if (failures >= max_failures) break;
     const Voxel sum = votes.box(peak, 1);
-    if (sum.votes < kMinVotes || axis_of(sum).spread < 0.01) continue;
-    const double radius_at_peak_m = votes.cell_m() * sum.steps / sum.votes;
+    if (sum.votes < kMinVotes) continue;
     const Eigen::Vector3d center = votes.center_of(peak);
-    const bool tried = std::any_of(failed.begin(), failed.end(), [&](const FailedPlace& place) {
-      const double near_m = std::max(2.0 * votes.cell_m(), 0.3 * place.radius_m);
-      return 2 * sum.votes < 3 * place.votes && (place.position_m - center).squaredNorm() < near_m * near_m;
-    });
-    if (tried) continue;
+    if (is_at_rest(failed, center, sum.votes, votes.cell_m()) || axis_of(sum).spread < 0.01) continue;
+    const double radius_at_peak_m = votes.cell_m() * sum.steps / sum.votes;
     TraceOptions options;
     options.step_m = config.radius_m.value_or(radius_at_peak_m);
     options.patch_half_m = 0.5 * options.step_m;
@@ -106,9 +125,7 @@ std::vector<FoundTube> find_tubes(AccumulationMap& votes, std::span<const Surfel
                        });
     if (!found || known || why_no_tube(*found, config)) {
       ++failures;
-      for (const TracePoint& point : trace) {
-        failed.push_back({point.position_m, point.radius_m, std::max(point.votes, sum.votes), kFramesToRest});
-      }
+      put_to_rest(failed, trace, sum.votes, votes.cell_m());
       watch.lap(times.fit_ms);
       continue;
     }

@@ -87,6 +87,7 @@ class AccumulationMap {
     std::array<Voxel, kSide * kSide * kSide> voxels{};
     std::array<std::int32_t, kSide * kSide * kSide> votes{};  ///< of the voxels, close together for peaks and trace
     int filled = 0;                                           ///< voxels that are not all 0
+    int shared = 0;                                           ///< voxels with more than one vote
   };
   struct Hash {
     std::size_t operator()(const VoxelIndex& key) const;

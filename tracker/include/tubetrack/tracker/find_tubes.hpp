@@ -13,12 +13,14 @@ namespace tubetrack {
 /// flicker from frame to frame. 0 when there are no surfels.
 double matching_cell_m(std::span<const Surfel> surfels, double focal_px);
 
-/// A place where a peak turned out to be no tube: not tried again for some frames unless many more votes meet there.
+/// A place where a peak turned out to be no tube: not tried again for some frames unless many more votes meet there,
+/// and each time that it fails again for twice as many.
 struct FailedPlace {
   Eigen::Vector3d position_m;
   double radius_m = 0.0;
   int votes = 0;
-  int frames_left = 0;
+  int rest_frames = 0;  ///< how long it is left alone
+  int frames = 0;       ///< since it failed; it is remembered for twice its rest
 };
 
 /// All tubes that the votes and the image agree on, best peak first: trace from the best peak, fit, withdraw the votes

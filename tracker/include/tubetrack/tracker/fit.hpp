@@ -46,9 +46,9 @@ struct FitOptions {
 struct FitQuality {
   double chi2_per_observation = 0.0;
   double radius_sigma_m = 0.0;
-  Information observed;        ///< of these observations alone
-  /// Of all control points (x, y, z each) and, last, the radius; inflated by χ² above 1. Of control points that are more
-  /// than three apart, which no place of the centreline shares, it says zero.
+  Information observed;  ///< of these observations alone
+  /// Of all control points (x, y, z each) and, last, the radius; inflated by χ² above 1. Of control points that are
+  /// more than three apart, which no place of the centreline shares, it says zero.
   Eigen::MatrixXd covariance;
 };
 
