@@ -15,6 +15,9 @@ std::string at_most(double value, double goal, double unit, int digits);
 std::string at_least(double value, double goal, double unit, int digits);
 std::string between(double value, double least, double most, double unit, int digits);
 
+/// The compiler of this program, with its version.
+std::string compiler();
+
 /// A table in Markdown.
 class Table {
  public:

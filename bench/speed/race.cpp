@@ -1,0 +1,32 @@
+#include "race.hpp"
+
+#include <chrono>
+
+#include "speed_scenes.hpp"
+
+namespace tubetrack::bench {
+
+std::vector<std::vector<double>> race(const std::vector<RenderedFrame>& frames,
+                                      const std::vector<Contender>& contenders, int warm_up, int count,
+                                      double most_seconds) {
+  using Clock = std::chrono::steady_clock;
+  const auto begin = Clock::now();
+  std::vector<std::vector<double>> times_ms(contenders.size());
+  for (int i = 0; i < warm_up + count; ++i) {
+    if (i > warm_up && Clock::now() - begin > std::chrono::duration<double>(most_seconds)) break;
+    const DepthFrame frame = played_frame(frames, i);
+    for (std::size_t j = 0; j < contenders.size(); ++j) {
+      const std::size_t turn = (j + static_cast<std::size_t>(i)) % contenders.size();
+      const Contender& contender = contenders[turn];
+      if (i % contender.every != 0) continue;
+      if (contender.prepare) contender.prepare(frame);
+      const auto start = Clock::now();
+      contender.run(frame);
+      const std::chrono::duration<double, std::milli> took = Clock::now() - start;
+      if (i >= warm_up) times_ms[turn].push_back(took.count());
+    }
+  }
+  return times_ms;
+}
+
+}  // namespace tubetrack::bench
