@@ -27,9 +27,10 @@ void add_options(CLI::App& app, Options& options) {
       ->check(CLI::Range(2, 1000));
   app.add_option("--first-frames", options.speed.first_frames, "first frames timed of each scene (default: 60)")
       ->check(CLI::Range(1, 100000));
-  app.add_option("--slow-every", options.speed.slow_every, "PCL, CGAL and SRI get one frame in so many (default: 20)")
+  app.add_option("--slow-every", options.speed.slow_every, "PCL, CGAL and SRI get one frame in so many (default: 40)")
       ->check(CLI::Range(1, 100000));
-  app.add_option("--row-seconds", options.speed.row_seconds, "a row ends then, with fewer frames (default: 60)")
+  app.add_option("--row-seconds", options.speed.row_seconds,
+                 "a row ends then, with fewer frames (default: 40; with the slow peers twice that)")
       ->check(CLI::PositiveNumber);
   app.add_option("--page", options.page, "write the page to this file (default: print it)");
   app.add_option("--peak-memory-mb", options.about.peak_memory_mb, "for the page: what track_alone printed")

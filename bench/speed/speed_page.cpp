@@ -84,7 +84,8 @@ std::string speed_page(const SpeedReport& report, const SpeedAbout& about) {
           changes_table(report.changes));
   return text + kHowMeasured +
          fmt::format(
-             "- a row ends after {:g} s even where not all of its frames were timed; p99 stands where 1,000 or more "
+             "- a row ends after {:g} s (with PCL and CGAL: twice that) even where not all of its frames were timed; "
+             "p99 stands where 1,000 or more "
              "were.\n",
              report.options.row_seconds);
 }

@@ -166,8 +166,10 @@ SpeedReport run_speed(const SpeedOptions& options, const Peers& peers,
   report.scenes.push_back(row(still_scene()));
   progress("moving tube, with the peers");
   const SpeedScene moving = moving_tube_scene();
-  RaceResult with_rivals = run_race(moving, {speed_config(moving.scene.camera)},
-                                    rivals(moving.scene.camera, options, peers), options, peers);
+  SpeedOptions longer = options;
+  longer.row_seconds *= 2.0;
+  RaceResult with_rivals =
+      run_race(moving, {speed_config(moving.scene.camera)}, rivals(moving.scene.camera, options, peers), longer, peers);
   report.scenes.push_back(std::move(with_rivals.rows.front()));
   report.peers = std::move(with_rivals.rivals);
   for (const SpeedScene& speed : {moving_camera_scene(), three_tubes_scene(), no_tube_scene()}) {

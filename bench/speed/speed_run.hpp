@@ -16,8 +16,8 @@ struct SpeedOptions {
   int frames = 1000;          ///< timed, a row
   int distinct = 60;          ///< rendered, and played forth and back
   int first_frames = 60;      ///< timed of each scene in the table of first frames
-  int slow_every = 20;        ///< slow peers get one frame in so many
-  double row_seconds = 60.0;  ///< a row ends then, however many frames it has timed
+  int slow_every = 40;        ///< slow peers get one frame in so many
+  double row_seconds = 40.0;  ///< a row ends then, however many frames it has timed; with the slow peers, twice that
 };
 
 /// One row: tubetrack on one scene, and what was timed on the same frames.

@@ -49,16 +49,16 @@ std::vector<double> radii(const std::vector<Tube>& tubes) {
 TEST(PclCylinders, AreFoundWithEitherKindOfNormals) {
   const RenderedFrame rendered = still_frame();
   expect_the_tube(pcl_cylinders(depth_frame(rendered), speed_camera()));
-  // The integral images smooth over the tube's sides: pieces in most frames, thinner than the tube.
+  // Integral images smooth over the tube's sides: both of its straights in most frames, but 4 to 10 mm too thin.
   std::size_t pieces = 0;
   for (int k = 0; k < 4; ++k) {
     const SpeedScene speed = moving_tube_scene();
     const RenderedFrame moving = render_frame(scene_at(speed, k, 4), k, speed_noise(speed.scene.camera));
     const auto found = pcl_integral_cylinders(depth_frame(moving), speed_camera());
-    for (double r : radii(found)) printf("radius %f\n", r);
     pieces += found.size();
+    for (const double radius_m : radii(found)) EXPECT_NEAR(radius_m, 0.013, 0.004);
   }
-  EXPECT_GE(pieces, 2U);
+  EXPECT_GE(pieces, 6U);  // of 8
 }
 #endif
 
