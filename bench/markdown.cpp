@@ -45,7 +45,7 @@ std::string compiler() {
 #endif
 }
 
-std::string Table::text() const {
+std::string MarkdownTable::text() const {
   std::string text = fmt::format("| {} |\n|", fmt::join(head_, " | "));
   for (std::size_t i = 0; i < head_.size(); ++i) text += i == 0 ? " --- |" : " ---: |";
   text += "\n";

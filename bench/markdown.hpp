@@ -19,9 +19,9 @@ std::string between(double value, double least, double most, double unit, int di
 std::string compiler();
 
 /// A table in Markdown.
-class Table {
+class MarkdownTable {
  public:
-  explicit Table(std::vector<std::string> head) : head_(std::move(head)) {}
+  explicit MarkdownTable(std::vector<std::string> head) : head_(std::move(head)) {}
   void add(std::vector<std::string> cells) { rows_.push_back(std::move(cells)); }
   std::string text() const;
 

@@ -66,7 +66,7 @@ TimeGoal time_goal(const SpeedRow& row) {
 }
 
 std::string speed_goals(const SpeedReport& report, double peak_memory_mb) {
-  Table table({"figure", "goal", "measured"});
+  MarkdownTable table({"figure", "goal", "measured"});
   const auto most = [&](const char* what, const char* asked, double value, double goal, int digits) {
     table.add({what, asked, known(at_most(value, goal, 1.0, digits))});
   };

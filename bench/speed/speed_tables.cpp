@@ -58,8 +58,8 @@ double changes_exponent(const std::vector<SpeedRow>& rows) {
 }
 
 std::string scenes_table(const SpeedReport& report) {
-  Table table({"scene", "tubes reported", "frames", "median ms", "goal", "p99 ms", "goal", "memcpy ms", "floor pass ms",
-               "FALS ms", "over floor pass", "over FALS", "above FALS, ms"});
+  MarkdownTable table({"scene", "tubes reported", "frames", "median ms", "goal", "p99 ms", "goal", "memcpy ms",
+                       "floor pass ms", "FALS ms", "over floor pass", "over FALS", "above FALS, ms"});
   for (const SpeedRow& row : report.scenes) {
     const double frame_ms = median(row.frame_ms);
     const double floor_ms = median(row.floor_ms);
@@ -76,8 +76,8 @@ std::string scenes_table(const SpeedReport& report) {
 }
 
 std::string stages_table(const SpeedReport& report) {
-  Table table({"scene", "frame", "update", "normals", "accumulate", "trace", "fit", "segment", "rest",
-               "pixels on tubes", "fit, ms for 1,000 of them"});
+  MarkdownTable table({"scene", "frame", "update", "normals", "accumulate", "trace", "fit", "segment", "rest",
+                       "pixels on tubes", "fit, ms for 1,000 of them"});
   for (const SpeedRow& row : report.scenes) {
     std::vector<std::string> cells = {row.name};
     std::ranges::move(stage_cells(row.stages, row.frame_ms), std::back_inserter(cells));
@@ -89,8 +89,8 @@ std::string stages_table(const SpeedReport& report) {
 }
 
 std::string first_table(const SpeedReport& report) {
-  Table table({"scene", "tubes reported", "frames", "median ms (goal ≤ 15)", "slowest ms", "update", "normals",
-               "accumulate", "trace", "fit", "segment", "rest"});
+  MarkdownTable table({"scene", "tubes reported", "frames", "median ms (goal ≤ 15)", "slowest ms", "update", "normals",
+                       "accumulate", "trace", "fit", "segment", "rest"});
   for (const FirstFrames& first : report.first) {
     std::vector<std::string> cells = {first.name, tubes_cell(first.mean_tubes, first.true_tubes),
                                       std::to_string(first.ms.size()), at_most(median(first.ms), 15.0, 1.0, 1),
@@ -103,7 +103,8 @@ std::string first_table(const SpeedReport& report) {
 }
 
 std::string rivals_table(const SpeedReport& report) {
-  Table table({"what", "does", "pieces found", "frames", "median ms", "p99 ms", "over tubetrack", "over floor pass"});
+  MarkdownTable table(
+      {"what", "does", "pieces found", "frames", "median ms", "p99 ms", "over tubetrack", "over floor pass"});
   const auto moving = std::ranges::find(report.scenes, "moving tube", &SpeedRow::name);
   if (moving == report.scenes.end()) return table.text();
   const double tubetrack_ms = median(moving->frame_ms);
@@ -122,8 +123,8 @@ std::string rivals_table(const SpeedReport& report) {
 }
 
 std::string growth_table(const std::vector<SpeedRow>& rows) {
-  Table table({"row", "size", "tubes reported", "frames", "median ms", "p99 ms", "floor pass ms", "over floor pass",
-               "over the first row"});
+  MarkdownTable table({"row", "size", "tubes reported", "frames", "median ms", "p99 ms", "floor pass ms",
+                       "over floor pass", "over the first row"});
   for (const SpeedRow& row : rows) {
     const double frame_ms = median(row.frame_ms);
     table.add({row.name, fmt::format("{} × {}", row.width, row.height), tubes_cell(row.mean_tubes, row.true_tubes),
@@ -135,8 +136,8 @@ std::string growth_table(const std::vector<SpeedRow>& rows) {
 }
 
 std::string changes_table(const std::vector<SpeedRow>& rows) {
-  Table table({"cells that change", "frames", "median ms", "p99 ms", "above the first row, ms",
-               "ns for each cell more than there"});
+  MarkdownTable table({"cells that change", "frames", "median ms", "p99 ms", "above the first row, ms",
+                       "ns for each cell more than there"});
   for (const SpeedRow& row : rows) {
     const double above_ms = median(row.frame_ms) - median(rows.front().frame_ms);
     const double more = row.changed_cells - rows.front().changed_cells;
