@@ -15,12 +15,12 @@ constexpr const char* kHowMeasured = R"(## How it is measured
 
 Scenes are made and rendered before anything is timed (`bench/speed/speed_scenes.cpp`): frames with noise of their own,
 kept in memory and played forth and back at 30 frames a second. What moves swings, so that it jumps nowhere. The tracker
-has its default configuration, one thread, no radius; the time is that of the whole call, by a steady clock around it.
-Every row begins with a pass over its frames that is not counted.
+has its default configuration, one thread, no radius. Times are processor time of that thread around the whole call, so
+that what other programs take is not in them (that they disturb the caches is); on an idle machine the wall's clock runs
+alike. The stages are by the tracker's own clock, on the wall. Every row begins with a pass over its frames that is not counted.
 
 All that stands in one row was timed in turns: each gets frame *i* before any gets frame *i* + 1, and who is first
-changes from frame to frame. A machine that is slow for a while is so for all of them, and the ratios stay. Times on a
-machine that does other work are longer than they need be: the load at the start stands above.
+changes from frame to frame. A machine that is slow for a while is so for all of them, and the ratios stay.
 
 - **floor pass**: converts the frame to metres and takes the mean of 7 × 7 pixels around each, in plain code on one
   thread (`bench/speed/floor_pass.cpp`). Whatever looks at all pixels costs as much.
@@ -57,7 +57,8 @@ std::string speed_page(const SpeedReport& report, const SpeedAbout& about) {
   section("The goals", "✓ and ✗ say whether a figure meets its goal.\n", speed_goals(report, about.peak_memory_mb));
   section("The scenes", "640 × 480 pixels, one thread.\n\n" + scene_list(report), scenes_table(report));
   section("Where the time goes",
-          "Medians of each stage, in milliseconds; they don't add up to the frame's median. *rest* is what the call "
+          "Medians of each stage, in milliseconds on the wall; they don't add up to the frame's median. *rest* is what "
+          "the call "
           "takes beside its stages.\n",
           stages_table(report));
   section(

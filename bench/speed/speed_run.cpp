@@ -2,7 +2,6 @@
 
 #include <fmt/format.h>
 
-#include <chrono>
 #include <cstring>
 #include <stdexcept>
 
@@ -24,11 +23,13 @@ TubeTracker new_tracker(const TrackerConfig& config, const Intrinsics& camera) {
 struct TrackerRun {
   TubeTracker tracker;
   std::vector<StageTimes> stages = {};
+  std::vector<double> wall_ms = {};
   std::vector<double> tubes = {};
 
   void track(const DepthFrame& frame) {
     const TubeFrame& result = tracker.track(frame);
     stages.push_back(result.stages);
+    wall_ms.push_back(result.latency_ms);
     tubes.push_back(static_cast<double>(result.tubes.size()));
   }
 };
@@ -100,6 +101,7 @@ RaceResult run_race(const SpeedScene& speed, const std::vector<TrackerConfig>& c
     SpeedRow row = i == 0 ? row_of(speed, frames) : result.rows.front();
     row.frame_ms = times[first_tracker + i];
     row.stages.assign(runs[i].stages.begin() + options.distinct, runs[i].stages.end());
+    row.wall_ms.assign(runs[i].wall_ms.begin() + options.distinct, runs[i].wall_ms.end());
     row.mean_tubes = mean({runs[i].tubes.begin() + options.distinct, runs[i].tubes.end()});
     row.copy_ms = times[0];
     row.floor_ms = times[1];
@@ -132,14 +134,14 @@ std::vector<SpeedRow> run_volumes(const SpeedOptions& options, const Peers& peer
 
 FirstFrames run_first(const SpeedScene& speed, const SpeedOptions& options) {
   const std::vector<RenderedFrame> frames = render_all(speed, options.distinct);
-  FirstFrames first{speed.name, static_cast<int>(speed.scene.tubes.size()), 0.0, {}, {}};
+  FirstFrames first{speed.name, static_cast<int>(speed.scene.tubes.size()), 0.0, {}, {}, {}};
   std::vector<double> tubes;
   for (int i = 0; i < options.first_frames; ++i) {
     TubeTracker tracker = new_tracker(speed_config(speed.scene.camera), speed.scene.camera);
-    const auto start = std::chrono::steady_clock::now();
+    const double start_ms = thread_ms();
     const TubeFrame& result = tracker.track(played_frame(frames, i));
-    const std::chrono::duration<double, std::milli> took = std::chrono::steady_clock::now() - start;
-    first.ms.push_back(took.count());
+    first.ms.push_back(thread_ms() - start_ms);
+    first.wall_ms.push_back(result.latency_ms);
     first.stages.push_back(result.stages);
     tubes.push_back(static_cast<double>(result.tubes.size()));
   }

@@ -28,7 +28,8 @@ struct SpeedRow {
   int height = 0;
   int true_tubes = 0;
   double mean_tubes = 0.0;       ///< reported a frame
-  std::vector<double> frame_ms;  ///< the whole call
+  std::vector<double> frame_ms;  ///< the whole call; processor time, as all but the next two
+  std::vector<double> wall_ms;   ///< the same by the tracker's own clock, as its stages
   std::vector<StageTimes> stages;
   std::vector<double> copy_ms;   ///< memcpy of the frame
   std::vector<double> floor_ms;  ///< floor_pass
@@ -51,6 +52,7 @@ struct FirstFrames {
   int true_tubes = 0;
   double mean_tubes = 0.0;
   std::vector<double> ms;
+  std::vector<double> wall_ms;
   std::vector<StageTimes> stages;
 };
 

@@ -8,6 +8,7 @@
 
 #include "figures.hpp"
 #include "floor_pass.hpp"
+#include "race.hpp"
 #include "speed_page.hpp"
 #include "speed_scenes.hpp"
 #include "statistics.hpp"
@@ -124,6 +125,26 @@ TEST(Scenes, TheShareOfCellsThatTheBoardChangesIsTheOneAskedFor) {
   }
 }
 
+TEST(Race, GivesEveryContenderItsFramesAndTimesOnlyTheRun) {
+  std::vector<RenderedFrame> frames(3);
+  for (RenderedFrame& frame : frames) frame.width = frame.height = 1, frame.depth = {1};
+  std::vector<std::int64_t> seen;
+  const auto wait = [](double ms) {
+    for (const double start_ms = thread_ms(); thread_ms() - start_ms < ms;) continue;
+  };
+  const std::vector<Contender> contenders = {
+      {"all", [&](const DepthFrame& frame) { seen.push_back(frame.index), wait(2.0); },
+       [&](const DepthFrame&) { wait(20.0); }},
+      {"third", [&](const DepthFrame&) { wait(4.0); }, {}, 3}};
+  const auto times_ms = race(frames, contenders, 2, 7, 100.0);
+  EXPECT_EQ(seen, (std::vector<std::int64_t>{0, 1, 2, 3, 4, 5, 6, 7, 8}));
+  ASSERT_EQ(times_ms[0].size(), 7U);
+  ASSERT_EQ(times_ms[1].size(), 2U);  // frames 3 and 6
+  EXPECT_NEAR(median(times_ms[0]), 2.0, 0.5);
+  EXPECT_NEAR(median(times_ms[1]), 4.0, 0.5);
+  EXPECT_EQ(race(frames, contenders, 0, 100, 0.0)[0].size(), 1U);
+}
+
 SpeedRow row_taking(const char* name, double ms, double floor_ms, double fals_ms) {
   SpeedRow row;
   row.name = name;
@@ -141,7 +162,7 @@ SpeedReport report_with(double moving_ms) {
   report.scenes = {row_taking("still", 1.0, 0.6, 2.4), row_taking("moving tube", moving_ms, 0.6, 2.4),
                    row_taking("moving camera", 5.0, 0.6, 2.4)};
   report.peers = {{"PCL, a", "", {60.0}, 1.0}, {"PCL, b", "", {80.0}, 1.0}};
-  report.first = {{"still", 1, 1.0, {10.0}, {}}, {"moving tube", 1, 1.0, {14.0}, {}}};
+  report.first = {{"still", 1, 1.0, {10.0}, {}, {}}, {"moving tube", 1, 1.0, {14.0}, {}, {}}};
   for (const double more : {0.0, 1.0, 2.0}) {
     report.changes.push_back(row_taking("board", 1.0 + more, 0.6, 2.4));
     report.changes.back().changed_cells = 100.0 + 1000.0 * more;
