@@ -91,6 +91,7 @@ RaceResult run_race(const SpeedScene& speed, const std::vector<TrackerConfig>& c
   std::vector<Contender> contenders = yardsticks(passes, camera, peers);
   const std::size_t first_tracker = contenders.size();
   std::vector<TrackerRun> runs;
+  runs.reserve(configs.size());
   for (const TrackerConfig& config : configs) runs.push_back({new_tracker(config, camera)});
   for (TrackerRun& run : runs) contenders.push_back({"tubetrack", [&run](const DepthFrame& f) { run.track(f); }});
   const std::size_t first_rival = contenders.size();
