@@ -33,7 +33,7 @@ double thread_ms();
 
 /// Milliseconds (`thread_ms`) of each run, by contender. All of them get frame i before any gets i + 1, so that what
 /// else the machine does meets all alike; who is first changes from frame to frame. `count` frames are timed, after
-/// `warm_up` that are not; fewer where that would take longer than `most_seconds`.
+/// `warm_up` that are not; fewer where these would take longer than `most_seconds`.
 std::vector<std::vector<double>> race(const std::vector<RenderedFrame>& frames,
                                       const std::vector<Contender>& contenders, int warm_up, int count,
                                       double most_seconds);
