@@ -9,6 +9,7 @@
 #include <cstring>
 #include <random>
 
+#include "floor_pass.hpp"
 #include "tubetrack/heightmap/normals.hpp"
 
 namespace tubetrack {
@@ -80,34 +81,13 @@ void Memcpy(benchmark::State& state) {
   }
 }
 
-/// Metres, and the mean of 7 × 7 pixels around each, by running sums: what any stage that looks at the pixels costs.
+/// What any stage that looks at the pixels costs.
 void Floor(benchmark::State& state) {
-  constexpr int kHalf = 3;
-  std::vector<float> metres(kPixels);
-  std::vector<float> out(kPixels);
-  std::vector<float> columns(640);
+  bench::FloorPass pass;
   std::size_t frame = 0;
   for ([[maybe_unused]] auto _ : state) {
-    const Pixels& pixels = still()[frame++ % still().size()];
-    std::fill(columns.begin(), columns.end(), 0.0F);
-    for (std::size_t v = 0; v < 480; ++v) {
-      for (std::size_t u = 0; u < 640; ++u) {
-        metres[v * 640 + u] = static_cast<float>(pixels[v * 640 + u]) * 1e-4F;
-        columns[u] += metres[v * 640 + u];
-      }
-      if (v >= 2 * kHalf + 1) {
-        for (std::size_t u = 0; u < 640; ++u) columns[u] -= metres[(v - 2 * kHalf - 1) * 640 + u];
-      }
-      if (v < 2 * kHalf) continue;
-      float sum = 0.0F;
-      for (std::size_t u = 0; u < 640; ++u) {
-        sum += columns[u];
-        if (u < 2 * kHalf) continue;
-        out[(v - kHalf) * 640 + u - kHalf] = sum * (1.0F / 49.0F);
-        sum -= columns[u - 2 * kHalf];
-      }
-    }
-    benchmark::DoNotOptimize(out.data());
+    bench::floor_pass(frame_of(still()[frame++ % still().size()]), pass);
+    benchmark::DoNotOptimize(pass.mean_m.data());
     benchmark::ClobberMemory();
   }
 }

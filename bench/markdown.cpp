@@ -37,7 +37,15 @@ std::string between(double value, double least, double most, double unit, int di
   return judged(value, std::isfinite(least), value >= least && value <= most, unit, digits);
 }
 
-std::string Table::text() const {
+std::string compiler() {
+#ifdef __clang__
+  return "Clang " __clang_version__;
+#else
+  return "GCC " __VERSION__;
+#endif
+}
+
+std::string MarkdownTable::text() const {
   std::string text = fmt::format("| {} |\n|", fmt::join(head_, " | "));
   for (std::size_t i = 0; i < head_.size(); ++i) text += i == 0 ? " --- |" : " ---: |";
   text += "\n";

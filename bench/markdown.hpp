@@ -15,10 +15,13 @@ std::string at_most(double value, double goal, double unit, int digits);
 std::string at_least(double value, double goal, double unit, int digits);
 std::string between(double value, double least, double most, double unit, int digits);
 
+/// The compiler of this program, with its version.
+std::string compiler();
+
 /// A table in Markdown.
-class Table {
+class MarkdownTable {
  public:
-  explicit Table(std::vector<std::string> head) : head_(std::move(head)) {}
+  explicit MarkdownTable(std::vector<std::string> head) : head_(std::move(head)) {}
   void add(std::vector<std::string> cells) { rows_.push_back(std::move(cells)); }
   std::string text() const;
 

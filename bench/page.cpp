@@ -10,12 +10,6 @@ namespace tubetrack::bench {
 
 namespace {
 
-#ifdef __clang__
-constexpr const char* kCompiler = "Clang " __clang_version__;
-#else
-constexpr const char* kCompiler = "GCC " __VERSION__;
-#endif
-
 constexpr const char* kHowMeasured = R"(## How it is measured
 
 Scenes are drawn from seeds (`bench/rows_*.cpp`), rendered by exact ray casting with the noise of docs/scene.md, and
@@ -70,7 +64,7 @@ std::string head(const Report& report) {
       "| | |\n| --- | --- |\n| commit | {} |\n| compiler | {} |\n| CPU | {} |\n| suite | {}, seeds "
       "from {} "
       "|\n| peers | {} |\n\n",
-      report.about.command, report.about.commit, kCompiler, report.about.cpu, report.about.suite,
+      report.about.command, report.about.commit, compiler(), report.about.cpu, report.about.suite,
       report.about.first_seed, methods.empty() ? "not run (`--peers`)" : methods);
 }
 

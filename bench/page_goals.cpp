@@ -120,7 +120,7 @@ std::vector<std::string> judged(const Line& line, const std::vector<RowReport>& 
 }  // namespace
 
 std::string goals_table(const Report& report) {
-  Table table({"figure", "goal", "worst row", "rows that meet it"});
+  MarkdownTable table({"figure", "goal", "worst row", "rows that meet it"});
   for (const Line& line : single_lines()) table.add(judged(line, report.rows));
   for (const Line& line : sequence_lines()) table.add(judged(line, report.rows));
   std::int64_t false_tubes = 0;

@@ -30,14 +30,15 @@ std::string false_cell(const Row& row, const Figures& f, const Goals& goals) {
 }  // namespace
 
 std::string rows_table(const Report& report) {
-  Table table({"row", "shows"});
+  MarkdownTable table({"row", "shows"});
   for (const RowReport& row : report.rows) table.add({std::string(row.row.name), std::string(row.row.shows)});
   return table.text();
 }
 
 std::string single_table(const Report& report) {
-  Table table({"row", "frames", "RMS, mm (≤ 0.3)", "bound, mm", "toward camera, mm", "coverage, % (≥ 97)",
-               "false, % (≤ 0.5)", "radius error: median, mm", "median, %", "largest, mm", "largest, %", "bias, mm"});
+  MarkdownTable table({"row", "frames", "RMS, mm (≤ 0.3)", "bound, mm", "toward camera, mm", "coverage, % (≥ 97)",
+                       "false, % (≤ 0.5)", "radius error: median, mm", "median, %", "largest, mm", "largest, %",
+                       "bias, mm"});
   for (const RowReport& row : report.rows) {
     const Figures& f = ours(row).single;
     if (f.frames == 0) continue;
@@ -55,8 +56,8 @@ std::string single_table(const Report& report) {
 }
 
 std::string sequence_table(const Report& report) {
-  Table table({"row", "sequences", "frames", "RMS, mm", "coverage, % (≥ 97)", "false, % (≤ 0.5)", "IDF1 (≥ 0.99)",
-               "switches (0)", "transfers (0)", "inside 95 %"});
+  MarkdownTable table({"row", "sequences", "frames", "RMS, mm", "coverage, % (≥ 97)", "false, % (≤ 0.5)",
+                       "IDF1 (≥ 0.99)", "switches (0)", "transfers (0)", "inside 95 %"});
   for (const RowReport& row : report.rows) {
     const Figures& f = ours(row).sequence;
     if (f.frames == 0) continue;
@@ -72,9 +73,9 @@ std::string sequence_table(const Report& report) {
 }
 
 std::string last_table(const Report& report) {
-  Table table({"row", "RMS, mm (at rest ≤ 0.12, else ≤ 0.3)", "toward camera, mm", "coverage, % (≥ 97)",
-               "radius error: median, mm (at rest ≤ 0.15)", "largest, mm", "bias, mm", "inside 95 % (93–97)",
-               "radius inside 95 %"});
+  MarkdownTable table({"row", "RMS, mm (at rest ≤ 0.12, else ≤ 0.3)", "toward camera, mm", "coverage, % (≥ 97)",
+                       "radius error: median, mm (at rest ≤ 0.15)", "largest, mm", "bias, mm", "inside 95 % (93–97)",
+                       "radius inside 95 %"});
   for (const RowReport& row : report.rows) {
     const Figures& f = ours(row).last;
     if (f.frames == 0 || !row.row.holds_tubes) continue;
@@ -92,8 +93,8 @@ std::string last_table(const Report& report) {
 }
 
 std::string interval_table(const Report& report) {
-  Table table({"row", "nodes", "truth inside 95 %, % (93–97)", "mean σ / bound (≤ 1.5)", "tubes",
-               "radius inside 95 %, %", "its mean σ / bound"});
+  MarkdownTable table({"row", "nodes", "truth inside 95 %, % (93–97)", "mean σ / bound (≤ 1.5)", "tubes",
+                       "radius inside 95 %, %", "its mean σ / bound"});
   for (const RowReport& row : report.rows) {
     const Figures& f = ours(row).single;
     if (f.calibration.nodes.empty()) continue;
@@ -108,8 +109,8 @@ std::string interval_table(const Report& report) {
 }
 
 std::string bins_table(const Report& report) {
-  Table table({"the row `random`", "nodes", "truth inside 95 %, % (93–97)", "tubes", "radius inside 95 %, %",
-               "radius bias, mm", "toward camera, mm"});
+  MarkdownTable table({"the row `random`", "nodes", "truth inside 95 %, % (93–97)", "tubes", "radius inside 95 %, %",
+                       "radius bias, mm", "toward camera, mm"});
   const auto add = [&](const std::string& name, const Calibration& some) {
     if (some.nodes.empty()) return;
     table.add({name, std::to_string(some.nodes.size()), between(some.nodes_inside(), 0.93, 0.97, kPercent, 1),
@@ -137,7 +138,7 @@ std::string confidence_table(const Report& report) {
       tubes.insert(tubes.end(), f->calibration.tubes.begin(), f->calibration.tubes.end());
     }
   }
-  Table table({"confidence at least", "true tubes kept", "of all, %", "false tubes kept"});
+  MarkdownTable table({"confidence at least", "true tubes kept", "of all, %", "false tubes kept"});
   const auto real =
       static_cast<double>(std::ranges::count_if(tubes, [](const TubeError& t) { return t.true_id != 0; }));
   for (const double least : {0.0, 0.5, 0.6, 0.7, 0.75, 0.8, 0.85, 0.9, 0.95, 0.98}) {
@@ -152,8 +153,8 @@ std::string confidence_table(const Report& report) {
 }
 
 std::string peers_table(const Report& report) {
-  Table table({"row", "method", "RMS, mm", "coverage, %", "false, %", "radius error: median, mm", "bias, mm",
-               "tubes a frame", "ms a frame, median"});
+  MarkdownTable table({"row", "method", "RMS, mm", "coverage, %", "false, %", "radius error: median, mm", "bias, mm",
+                       "tubes a frame", "ms a frame, median"});
   for (const RowReport& row : report.rows) {
     for (std::size_t i = 0; i < row.by_method.size(); ++i) {
       const Figures& f = row.by_method[i].single;
@@ -169,8 +170,8 @@ std::string peers_table(const Report& report) {
 }
 
 std::string time_table(const Report& report) {
-  Table table({"row", "one frame alone, ms", "in a sequence, ms", "99 % below, ms", "update", "normals", "accumulate",
-               "trace", "fit", "segment"});
+  MarkdownTable table({"row", "one frame alone, ms", "in a sequence, ms", "99 % below, ms", "update", "normals",
+                       "accumulate", "trace", "fit", "segment"});
   for (const RowReport& row : report.rows) {
     const bool followed = ours(row).sequence.frames > 0;
     const Figures& f = followed ? ours(row).sequence : ours(row).single;
@@ -185,8 +186,8 @@ std::string time_table(const Report& report) {
 }
 
 std::string ablation_table(const Report& report) {
-  Table table({"noise", "frames", "RMS, mm", "toward camera, mm", "radius bias, mm", "radius error: median, mm",
-               "truth inside 95 %, %"});
+  MarkdownTable table({"noise", "frames", "RMS, mm", "toward camera, mm", "radius bias, mm", "radius error: median, mm",
+                       "truth inside 95 %, %"});
   for (const AblationStep& step : report.ablation) {
     const Figures& f = step.figures;
     table.add({step.noise, std::to_string(f.frames), number(f.score.rms_m() / kMm, 3),

@@ -10,8 +10,9 @@ core_packages=(
 )
 # Live back-ends, and what the tests use besides.
 test_packages=(libopenni2-dev libgmock-dev libgtest-dev librapidcheck-dev python3-jsonschema)
-# What the accuracy benchmark compares with, when asked to.
+# What the benchmarks compare with, and the speed benchmark besides.
 peer_packages=(libcgal-dev libpcl-dev)
+speed_peer_packages=(libopencv-contrib-dev)
 # What .ci/run checks sources with.
 lint_packages=(clang-format-19 clang-tidy-19)
 

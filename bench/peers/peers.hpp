@@ -1,5 +1,6 @@
 #pragma once
 
+#include <functional>
 #include <vector>
 
 #include "tubetrack/sensors/depth_frame.hpp"
@@ -14,7 +15,22 @@ namespace tubetrack::bench {
 /// PCL: SACSegmentationFromNormals on PCA normals, again and again on what is left.
 std::vector<Tube> pcl_cylinders(const DepthFrame& frame, const Intrinsics& camera);
 
+/// PCL: the same with normals of the whole image from integral images in place of PCA.
+std::vector<Tube> pcl_integral_cylinders(const DepthFrame& frame, const Intrinsics& camera);
+
 /// CGAL: Efficient RANSAC for cylinders on jet normals; radii out of range are dropped afterwards.
 std::vector<Tube> cgal_cylinders(const DepthFrame& frame, const Intrinsics& camera);
+
+// OpenCV (opencv_rgbd) has no detector of cylinders; its normals are what others start from.
+
+enum class OpencvNormals { fals, sri };
+
+/// Normals of an image's points, on one thread.
+struct NormalsOfPoints {
+  std::function<void(const DepthFrame&)> prepare;   ///< the frame's points, NaN without return
+  std::function<void()> run;                        ///< their normals
+  std::function<Eigen::Vector3f(int u, int v)> at;  ///< one of them: unit, or NaN
+};
+NormalsOfPoints opencv_normals(const Intrinsics& camera, OpencvNormals method);
 
 }  // namespace tubetrack::bench

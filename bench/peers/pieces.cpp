@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <random>
+#include <tuple>
 
 namespace tubetrack::bench {
 
@@ -25,7 +26,7 @@ bool on(const Plane& plane, const Vector3d& point) {
 
 std::vector<Vector3d> all_points(const DepthFrame& frame, const Intrinsics& camera) {
   std::vector<Vector3d> points;
-  const std::vector<Eigen::Vector2f> rays = ray_table(camera);
+  const std::vector<Eigen::Vector2f>& rays = rays_of(camera);
   for (int v = 0; v < frame.height; ++v) {
     for (int u = 0; u < frame.width; ++u) {
       if (frame.row(v)[u] == 0) continue;
@@ -79,6 +80,19 @@ double largest_plane(const std::vector<Vector3d>& points, std::mt19937& random, 
 }
 
 }  // namespace
+
+const std::vector<Eigen::Vector2f>& rays_of(const Intrinsics& camera) {
+  const auto numbers = [](const Intrinsics& c) {
+    return std::make_tuple(c.width, c.height, c.fx_px, c.fy_px, c.cx_px, c.cy_px, c.distortion);
+  };
+  thread_local Intrinsics last;
+  thread_local std::vector<Eigen::Vector2f> rays;
+  if (rays.empty() || numbers(last) != numbers(camera)) {
+    rays = ray_table(camera);
+    last = camera;
+  }
+  return rays;
+}
 
 std::vector<Vector3d> points_off_planes(const DepthFrame& frame, const Intrinsics& camera) {
   std::vector<Vector3d> points = all_points(frame, camera);

@@ -15,6 +15,9 @@ namespace tubetrack::bench {
 constexpr double kLeastRadius_m = 0.005;
 constexpr double kLargestRadius_m = 0.100;
 
+/// `ray_table`, made once for a camera and thread and not again in every frame.
+const std::vector<Eigen::Vector2f>& rays_of(const Intrinsics& camera);
+
 /// The frame's points in the camera's frame, without those of large planes: walls and table tops, which the detectors
 /// would otherwise spend their time on.
 std::vector<Eigen::Vector3d> points_off_planes(const DepthFrame& frame, const Intrinsics& camera);
