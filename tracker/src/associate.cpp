@@ -18,6 +18,7 @@ constexpr int kFramesOnTrial = 10;
 constexpr int kFramesBetweenTrials = 8;
 constexpr int kBestStanding = 20;  // ten frames beside a hand do not undo it
 constexpr double kSureTaper = 0.02;
+constexpr double kHook = 0.4;  // spans
 constexpr double kFastest_m_s = 0.75;
 
 std::vector<Eigen::Vector3d> samples_of(const TubeModel& model, const Extent& extent) {
@@ -149,7 +150,9 @@ void come_back(FollowedTube& tube, FoundTube found, const HeightMap& map, const 
 bool sure_at_once(const FoundTube& found) {
   const Evidence& e = found.evidence;
   const double length_radii = e.length_m / found.model.radius_m;
-  const bool turns = length_radii < 4.0 && e.min_bend_radii < 6.0 && length_radii / e.min_bend_radii > 0.56;
+  // The ends are left out: their own faces, or what they stand on, bend a fit into a hook.
+  const double bend_radii = min_bend_radii(found.model, {found.extent.t_begin + kHook, found.extent.t_end - kHook});
+  const bool turns = length_radii < 3.8 && bend_radii < 6.5 && length_radii / bend_radii > 0.45;
   return e.taper_sigma < kSureTaper && !turns;
 }
 
