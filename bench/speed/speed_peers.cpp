@@ -8,15 +8,17 @@ namespace tubetrack::bench {
 
 namespace {
 
+#if defined(TUBETRACK_PEER_PCL) || defined(TUBETRACK_PEER_CGAL)
 using Find = std::vector<Tube> (*)(const DepthFrame&, const Intrinsics&);
 
-[[maybe_unused]] PeerContender detector(const char* name, const char* does, Find find, const Intrinsics& camera) {
+PeerContender detector(const char* name, const char* does, Find find, const Intrinsics& camera) {
   auto tubes = std::make_shared<std::vector<double>>();
   const auto run = [find, camera, tubes](const DepthFrame& frame) {
     tubes->push_back(static_cast<double>(find(frame, camera).size()));
   };
   return {{name, run}, does, false, true, tubes};
 }
+#endif
 
 #ifdef TUBETRACK_PEER_OPENCV
 PeerContender normals(const char* name, const char* does, OpencvNormals method, const Intrinsics& camera) {
