@@ -1,6 +1,7 @@
 #include "fuse_row.hpp"
 
 #include <algorithm>
+#include <bit>
 
 #include "tubetrack/heightmap/height_map.hpp"
 
@@ -25,8 +26,20 @@ using V = hn::Vec<D>;
 
 constexpr int kMaxCount = 30;
 
-/// One vector of cells. True where one of them changed.
-HWY_INLINE bool FuseCells(const FuseOptions& o, const CellRow& row, int i) {
+/// Bits of a vector's cells.
+struct Changed {
+  std::uint64_t all = 0;
+  std::uint64_t steady = 0;
+};
+
+HWY_INLINE std::uint64_t Bits(hn::Mask<D> mask) {
+  std::uint8_t bytes[8] = {};
+  hn::StoreMaskBits(D(), mask, bytes);
+  return bytes[0] | static_cast<std::uint64_t>(bytes[1]) << 8;
+}
+
+/// One vector of cells, and which of them changed.
+HWY_INLINE Changed FuseCells(const FuseOptions& o, const CellRow& row, int i) {
   const D d;
   const DI di;
   const D8 d8;
@@ -44,15 +57,15 @@ HWY_INLINE bool FuseCells(const FuseOptions& o, const CellRow& row, int i) {
   hn::StoreU(hn::IfThenElseZero(usable, z), d, row.depth_m + i);
 
   const auto count = hn::PromoteTo(di, hn::LoadU(d8, row.count + i));
-  const auto had = hn::RebindMask(d, hn::Gt(count, hn::Zero(di)));
   if (!o.fuse) {
     const auto usable_i = hn::RebindMask(di, usable);
     hn::StoreU(hn::IfThenElseZero(usable, height), d, row.inverse_depth_per_m + i);
     hn::StoreU(variance, d, row.variance_per_m2 + i);
     hn::StoreU(hn::DemoteTo(d8, hn::IfThenElseZero(usable_i, hn::Set(di, 1))), d8, row.count + i);
     hn::StoreU(hn::Zero(d8), d8, row.strikes + i);
-    return !hn::AllFalse(d, hn::Or(usable, had));
+    return {};
   }
+  const auto had = hn::RebindMask(d, hn::Gt(count, hn::Zero(di)));
   const auto struck = hn::Gt(hn::PromoteTo(di, hn::LoadU(d8, row.strikes + i)), hn::Zero(di));
   const V cell_height = hn::LoadU(d, row.inverse_depth_per_m + i);
   const V cell_variance = hn::LoadU(d, row.variance_per_m2 + i);
@@ -81,11 +94,14 @@ HWY_INLINE bool FuseCells(const FuseOptions& o, const CellRow& row, int i) {
   hn::StoreU(new_variance, d, row.variance_per_m2 + i);
   hn::StoreU(hn::DemoteTo(d8, new_count), d8, row.count + i);
   hn::StoreU(hn::DemoteTo(d8, hn::IfThenElseZero(hn::RebindMask(di, strike), hn::Set(di, 1))), d8, row.strikes + i);
-  return !hn::AllFalse(d, hn::Or(restart, hn::AndNot(usable, had)));
+  const auto changed = hn::Or(restart, hn::AndNot(usable, had));
+  if (hn::AllFalse(d, changed)) return {};
+  const auto steady = hn::RebindMask(d, hn::Gt(count, hn::Set(di, kSteadyCount - 1)));
+  return {Bits(changed), Bits(hn::And(changed, steady))};
 }
 
 /// The last cells of a row, fewer than a vector: on copies, so that nothing beyond the row is touched.
-bool FuseTail(const FuseOptions& o, const CellRow& row, int i, int cells) {
+Changed FuseTail(const FuseOptions& o, const CellRow& row, int i, int cells) {
   std::uint16_t pixels[16] = {};
   float depth_m[16] = {};
   float inverse_depth_per_m[16] = {};
@@ -97,7 +113,7 @@ bool FuseTail(const FuseOptions& o, const CellRow& row, int i, int cells) {
   std::copy_n(row.variance_per_m2 + i, cells, variance_per_m2);
   std::copy_n(row.count + i, cells, count);
   std::copy_n(row.strikes + i, cells, strikes);
-  const bool changed = FuseCells(o, {pixels, depth_m, inverse_depth_per_m, variance_per_m2, count, strikes}, 0);
+  const Changed changed = FuseCells(o, {pixels, depth_m, inverse_depth_per_m, variance_per_m2, count, strikes}, 0);
   std::copy_n(depth_m, cells, row.depth_m + i);
   std::copy_n(inverse_depth_per_m, cells, row.inverse_depth_per_m + i);
   std::copy_n(variance_per_m2, cells, row.variance_per_m2 + i);
@@ -106,15 +122,17 @@ bool FuseTail(const FuseOptions& o, const CellRow& row, int i, int cells) {
   return changed;
 }
 
-void FuseRow(const FuseOptions& options, const CellRow& row, int u_first, int cells, std::uint32_t frame,
-             std::uint32_t* tile_changed_in) {
+void FuseRow(const FuseOptions& options, const CellRow& row, int u_first, int cells, TileChanges* tiles) {
   const int lanes = static_cast<int>(hn::Lanes(D()));
   for (int i = 0; i < cells; i += lanes) {
     const int here = std::min(lanes, cells - i);
-    const bool changed = here == lanes ? FuseCells(options, row, i) : FuseTail(options, row, i, here);
-    if (!changed) continue;
-    tile_changed_in[(u_first + i) / kTileWidth_px] = frame;
-    tile_changed_in[(u_first + i + here - 1) / kTileWidth_px] = frame;
+    const Changed changed = here == lanes ? FuseCells(options, row, i) : FuseTail(options, row, i, here);
+    for (std::uint64_t bits = changed.all; bits != 0; bits &= bits - 1) {
+      const int lane = std::countr_zero(bits);
+      TileChanges& tile = tiles[(u_first + i + lane) / kTileWidth_px];
+      ++tile.all;
+      tile.steady += changed.steady >> lane & 1;
+    }
   }
 }
 
@@ -128,9 +146,8 @@ namespace tubetrack {
 
 HWY_EXPORT(FuseRow);
 
-void fuse_row(const FuseOptions& options, const CellRow& row, int u_first, int cells, std::uint32_t frame,
-              std::uint32_t* tile_changed_in) {
-  HWY_DYNAMIC_DISPATCH(FuseRow)(options, row, u_first, cells, frame, tile_changed_in);
+void fuse_row(const FuseOptions& options, const CellRow& row, int u_first, int cells, TileChanges* tiles) {
+  HWY_DYNAMIC_DISPATCH(FuseRow)(options, row, u_first, cells, tiles);
 }
 
 }  // namespace tubetrack

@@ -3,6 +3,7 @@
 #include <cstdint>
 
 #include "axial_noise.hpp"
+#include "tubetrack/heightmap/height_map.hpp"
 
 namespace tubetrack {
 
@@ -24,9 +25,11 @@ struct CellRow {
   std::uint8_t* strikes = nullptr;
 };
 
-/// Takes one reading into each of `cells` cells. Where a cell restarts or loses its reading, `tile_changed_in` of its
-/// column of tiles becomes `frame`; the row's first cell is in column `u_first` of the image.
-void fuse_row(const FuseOptions& options, const CellRow& row, int u_first, int cells, std::uint32_t frame,
-              std::uint32_t* tile_changed_in);
+/// A cell is steady once this many frames agree in it. At a silhouette, where readings come and go, few ever are.
+inline constexpr int kSteadyCount = 8;
+
+/// Takes one reading into each of `cells` cells. Where they change, the counts of their columns of tiles go up (not
+/// with `fuse` false, where all do); the row's first cell is in column `u_first` of the image.
+void fuse_row(const FuseOptions& options, const CellRow& row, int u_first, int cells, TileChanges* tiles);
 
 }  // namespace tubetrack

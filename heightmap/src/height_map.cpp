@@ -1,6 +1,7 @@
 #include "tubetrack/heightmap/height_map.hpp"
 
 #include <algorithm>
+#include <span>
 
 #include "fuse_row.hpp"
 
@@ -9,15 +10,37 @@ namespace tubetrack {
 namespace {
 
 /// Cells [u_begin, u_end) of a row are out of the region of interest: they hold nothing.
-void clear_cells(HeightMap& map, int v, int u_begin, int u_end) {
+void clear_cells(HeightMap& map, int v, int u_begin, int u_end, TileChanges* tiles) {
   for (int u = u_begin; u < u_end; ++u) {
     const std::size_t at = map.cell(u, v);
     if (map.count[at] == 0) continue;
     map.depth_m[at] = 0.0F;
     map.inverse_depth_per_m[at] = 0.0F;
     map.count[at] = 0;
-    map.tile_changed_in[static_cast<std::size_t>(v / kTileHeight_px) * static_cast<std::size_t>(map.tile_columns()) +
-                        static_cast<std::size_t>(u / kTileWidth_px)] = map.frame;
+    TileChanges& tile = tiles[u / kTileWidth_px];
+    ++tile.all;
+    ++tile.steady;
+  }
+}
+
+/// So long after a tile was new every change counts: what came with it is still to be found.
+constexpr std::uint32_t kYoungFrames = 8;
+
+/// The tiles of a row of them that changed, from what their cells did.
+void note_changes(HeightMap& map, int tile_row, bool all_new, std::span<const TileChanges> tiles) {
+  const int rows = std::min(kTileHeight_px, map.intrinsics.height - tile_row * kTileHeight_px);
+  for (std::size_t column = 0; column < tiles.size(); ++column) {
+    const int columns = std::min(kTileWidth_px, map.intrinsics.width - static_cast<int>(column) * kTileWidth_px);
+    const auto cells = static_cast<std::uint32_t>(rows * columns);
+    const std::size_t at = static_cast<std::size_t>(tile_row) * tiles.size() + column;
+    std::uint32_t& unsettled = map.tile_unsettled[at];
+    unsettled += tiles[column].steady;
+    const bool is_new = all_new || 4 * tiles[column].all >= cells;
+    if (is_new) map.tile_new_in[at] = map.frame;
+    const bool stirs = tiles[column].all > 0 && map.frame - map.tile_new_in[at] < kYoungFrames;
+    if (!is_new && !stirs && 16 * unsettled < cells) continue;
+    map.tile_changed_in[at] = map.frame;
+    unsettled = 0;
   }
 }
 
@@ -32,7 +55,11 @@ HeightMap make_height_map(const Intrinsics& intrinsics) {
   map.variance_per_m2.resize(map.rays.size());
   map.count.resize(map.rays.size());
   map.strikes.resize(map.rays.size());
-  map.tile_changed_in.resize(static_cast<std::size_t>(map.tile_columns()) * static_cast<std::size_t>(map.tile_rows()));
+  const auto tiles = static_cast<std::size_t>(map.tile_columns()) * static_cast<std::size_t>(map.tile_rows());
+  map.tile_changed_in.resize(tiles);
+  map.tile_new_in.resize(tiles);
+  map.tile_unsettled.resize(tiles);
+  map.tile_changes.resize(static_cast<std::size_t>(map.tile_columns()));
   return map;
 }
 
@@ -47,17 +74,20 @@ void update(HeightMap& map, const DepthFrame& frame, const NoiseModel& noise, co
                             static_cast<float>(limits.depth_min_m), static_cast<float>(limits.depth_max_m), fuse};
   ++map.frame;
   for (int v = 0; v < frame.height; ++v) {
-    if (v < v_begin || v >= v_end) {
-      clear_cells(map, v, 0, frame.width);
-      continue;
+    TileChanges* tiles = map.tile_changes.data();
+    if (v % kTileHeight_px == 0) std::fill(map.tile_changes.begin(), map.tile_changes.end(), TileChanges{});
+    const bool inside = v >= v_begin && v < v_end;
+    clear_cells(map, v, 0, inside ? u_begin : frame.width, tiles);
+    if (inside) {
+      clear_cells(map, v, u_end, frame.width, tiles);
+      const std::size_t at = map.cell(u_begin, v);
+      const CellRow row{frame.row(v) + u_begin,          map.depth_m.data() + at, map.inverse_depth_per_m.data() + at,
+                        map.variance_per_m2.data() + at, map.count.data() + at,   map.strikes.data() + at};
+      fuse_row(options, row, u_begin, u_end - u_begin, tiles);
     }
-    clear_cells(map, v, 0, u_begin);
-    clear_cells(map, v, u_end, frame.width);
-    const std::size_t at = map.cell(u_begin, v);
-    const CellRow row{frame.row(v) + u_begin,          map.depth_m.data() + at, map.inverse_depth_per_m.data() + at,
-                      map.variance_per_m2.data() + at, map.count.data() + at,   map.strikes.data() + at};
-    fuse_row(options, row, u_begin, u_end - u_begin, map.frame,
-             map.tile_changed_in.data() + static_cast<std::ptrdiff_t>(v / kTileHeight_px) * map.tile_columns());
+    if ((v + 1) % kTileHeight_px == 0 || v + 1 == frame.height) {
+      note_changes(map, v / kTileHeight_px, !fuse, map.tile_changes);
+    }
   }
 }
 

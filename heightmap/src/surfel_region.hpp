@@ -38,8 +38,9 @@ struct Region {
 
 void prepare(const HeightMap& map, SurfelWork& work);
 
-/// The map's heights and variances of a region, in integer units. Whether every cell has one.
-bool take_heights(const HeightMap& map, const Region& region, Heights& out);
+/// The map's heights and variances of a region, in integer units. `holes`, one a column of the region's tiles, becomes
+/// 1 where a cell of it has none.
+void take_heights(const HeightMap& map, const Region& region, Heights& out, std::uint8_t* holes);
 
 /// Finds the surfels of some regions anew, where heights that they depend on have changed.
 void find_in_regions(const SurfelRule& rule, const EdgeRule& edge_rule, std::span<const Region> regions,

@@ -35,16 +35,17 @@ HWY_INLINE bool TakeCells(const float* height, const float* variance, const std:
   return hn::AllTrue(d, usable);
 }
 
-bool TakeRow(const float* height, const float* variance, const std::uint8_t* count, int cells, std::int32_t* height_out,
-             std::int32_t* variance_out) {
+/// `holes` of each column of tiles becomes 1 where a cell is without height.
+void TakeRow(const float* height, const float* variance, const std::uint8_t* count, int cells, std::int32_t* height_out,
+             std::int32_t* variance_out, std::uint8_t* holes) {
   const int lanes = static_cast<int>(hn::Lanes(D()));
-  bool all = true;
   int i = 0;
   for (; i + lanes <= cells; i += lanes) {
-    all &= TakeCells(height + i, variance + i, count + i, height_out + i, variance_out + i);
+    const bool all = TakeCells(height + i, variance + i, count + i, height_out + i, variance_out + i);
+    holes[i / kTileWidth_px] |= all ? 0 : 1;
   }
   const int left = std::min(cells - i, 16);
-  if (left <= 0) return all;
+  if (left <= 0) return;
   float last_height[16] = {};
   float last_variance[16] = {};
   std::uint8_t last_count[16] = {};
@@ -53,7 +54,7 @@ bool TakeRow(const float* height, const float* variance, const std::uint8_t* cou
   std::copy_n(count + i, left, last_count);
   // What is written beyond the last cell is zero, in the margin.
   TakeCells(last_height, last_variance, last_count, height_out + i, variance_out + i);
-  return all && std::find(height_out + i, height_out + cells, 0) == height_out + cells;
+  if (std::find(height_out + i, height_out + cells, 0) != height_out + cells) holes[i / kTileWidth_px] = 1;
 }
 
 }  // namespace
@@ -66,16 +67,14 @@ namespace tubetrack {
 
 HWY_EXPORT(TakeRow);
 
-bool take_heights(const HeightMap& map, const Region& region, Heights& out) {
-  bool all = true;
+void take_heights(const HeightMap& map, const Region& region, Heights& out, std::uint8_t* holes) {
   for (int v = region.v_begin; v < region.v_end; ++v) {
     const std::size_t from = map.cell(region.u_begin, v);
     const std::size_t to = out.grid.at(region.u_begin, v);
-    all &= HWY_DYNAMIC_DISPATCH(TakeRow)(map.inverse_depth_per_m.data() + from, map.variance_per_m2.data() + from,
-                                         map.count.data() + from, region.u_end - region.u_begin, out.height.data() + to,
-                                         out.variance.data() + to);
+    HWY_DYNAMIC_DISPATCH(TakeRow)
+    (map.inverse_depth_per_m.data() + from, map.variance_per_m2.data() + from, map.count.data() + from,
+     region.u_end - region.u_begin, out.height.data() + to, out.variance.data() + to, holes);
   }
-  return all;
 }
 
 }  // namespace tubetrack

@@ -40,11 +40,10 @@ void TileLedger::start(const HeightMap& map) {
 }
 
 bool TileLedger::due(const HeightMap& map, int row, std::size_t tile) const {
-  const std::uint32_t changed = map.tile_changed_in[tile];
   const std::uint32_t taken = taken_in_[tile];
-  if (!started_ || changed > taken) return true;
-  const std::uint32_t frames_then = taken - changed + 1;
-  const std::uint32_t frames_now = map.frame - changed + 1;
+  if (!started_ || map.tile_changed_in[tile] > taken) return true;
+  const std::uint32_t frames_then = taken - map.tile_new_in[tile] + 1;
+  const std::uint32_t frames_now = map.frame - map.tile_new_in[tile] + 1;
   if (frames_then < 32) return frames_now >= 2 * frames_then;
   return map.frame % kFramesPerBand == 0 && map.frame != taken &&
          static_cast<int>(map.frame / kFramesPerBand % kBands) == row * kBands / rows_;
@@ -93,23 +92,33 @@ void TileLedger::gather_regions(const HeightMap& map) {
   }
 }
 
+/// Takes the due ones of a row of tiles, run by run.
+void TileLedger::take_row_of_tiles(const HeightMap& map, int row, Heights& heights) {
+  const std::size_t row_start = static_cast<std::size_t>(row) * static_cast<std::size_t>(columns_);
+  std::uint8_t* holes = holes_.data() + row_start;
+  std::uint8_t* taken = taken_.data() + row_start;
+  for (int column = 0; column < columns_; ++column) {
+    const std::size_t tile = row_start + static_cast<std::size_t>(column);
+    holes[column] = static_cast<std::uint8_t>((holes[column] & 1) * 3);
+    taken[column] = due(map, row, tile) ? 1 : 0;
+    if (!taken[column]) continue;
+    holes[column] &= 2;
+    taken_in_[tile] = map.frame;
+  }
+  for (int column = 0; column < columns_; ++column) {
+    if (!taken[column]) continue;
+    const int first = column;
+    while (column < columns_ && taken[column]) ++column;
+    const Region cells{first * kTileWidth_px, std::min(column * kTileWidth_px, map.intrinsics.width),
+                       row * kTileHeight_px, std::min((row + 1) * kTileHeight_px, map.intrinsics.height)};
+    take_heights(map, cells, heights, holes + first);
+  }
+}
+
 std::span<const Region> TileLedger::take_due(const HeightMap& map, Heights& heights) {
   std::fill(taken_.begin(), taken_.end(), std::uint8_t{0});
   std::fill(affected_.begin(), affected_.end(), std::uint8_t{0});
-  for (int row = 0; row < rows_; ++row) {
-    for (int column = 0; column < columns_; ++column) {
-      const auto tile =
-          static_cast<std::size_t>(row) * static_cast<std::size_t>(columns_) + static_cast<std::size_t>(column);
-      holes_[tile] = static_cast<std::uint8_t>((holes_[tile] & 1) * 3);
-      if (!due(map, row, tile)) continue;
-      const Region cells{column * kTileWidth_px, std::min((column + 1) * kTileWidth_px, map.intrinsics.width),
-                         row * kTileHeight_px, std::min((row + 1) * kTileHeight_px, map.intrinsics.height)};
-      const bool all = take_heights(map, cells, heights);
-      holes_[tile] = static_cast<std::uint8_t>((holes_[tile] & 2) | (all ? 0 : 1));
-      taken_in_[tile] = map.frame;
-      taken_[tile] = 1;
-    }
-  }
+  for (int row = 0; row < rows_; ++row) take_row_of_tiles(map, row, heights);
   started_ = true;
   for (int row = 0; row < rows_; ++row) {
     for (int column = 0; column < columns_; ++column) {

@@ -16,13 +16,14 @@ class TileLedger {
   /// All tiles are due at the next call.
   void forget() { started_ = false; }
 
-  /// Takes the heights of the tiles that are due: those with changed cells; those whose cells, which only refine, have
+  /// Takes the heights of the tiles that are due: those that changed; those that were new and, refined since, have
   /// seen twice as many frames as when their heights were last taken; and, so that a slow drift is followed, a band of
   /// all tiles every few frames. The regions whose surfels depend on what was taken.
   std::span<const Region> take_due(const HeightMap& map, Heights& heights);
 
  private:
   bool due(const HeightMap& map, int row, std::size_t tile) const;
+  void take_row_of_tiles(const HeightMap& map, int row, Heights& heights);
   void mark_affected(int row, int column);
   void gather_regions(const HeightMap& map);
 

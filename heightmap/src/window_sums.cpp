@@ -13,28 +13,58 @@ namespace {
 
 namespace hn = hwy::HWY_NAMESPACE;
 
-// Running sums go from lane to lane: four at a time on every target that has as many.
-using D = hn::CappedTag<std::uint32_t, 4>;
+using D = hn::CappedTag<std::uint32_t, 16>;
 using V = hn::Vec<D>;
 
-/// Running sums within the vector, the carry added and moved on.
-HWY_INLINE V Prefix(V v, V& carry) {
 #if HWY_TARGET == HWY_SCALAR
-  carry = hn::Add(v, carry);
-  return carry;
+
+struct Running {
+  HWY_INLINE V operator()(V v, V& carry) const {
+    carry = hn::Add(v, carry);
+    return carry;
+  }
+};
+
 #else
-  v = hn::Add(v, hn::ShiftLeftLanes<1>(v));
-  v = hn::Add(v, hn::ShiftLeftLanes<2>(v));
-  v = hn::Add(v, carry);
-  carry = hn::Broadcast<3>(v);
-  return v;
+
+/// Running sums over the lanes of a vector, the carry added and moved on: within blocks of four lanes first, then what
+/// the blocks before them come to.
+struct Running {
+  using Places = decltype(hn::IndicesFromVec(D(), hn::Zero(D())));
+  V beyond4, beyond8;
+  Places back4, back8, last;
+
+  HWY_INLINE Running()
+      : beyond4(hn::VecFromMask(D(), hn::Not(hn::FirstN(D(), 4)))),
+        beyond8(hn::VecFromMask(D(), hn::Not(hn::FirstN(D(), 8)))),
+        back4(Back(4)),
+        back8(Back(8)),
+        last(hn::IndicesFromVec(D(), hn::Set(D(), static_cast<std::uint32_t>(hn::Lanes(D()) - 1)))) {}
+
+  static HWY_INLINE Places Back(std::uint32_t by) {
+    const D d;
+    const auto lanes = static_cast<std::uint32_t>(hn::Lanes(d));
+    return hn::IndicesFromVec(d, hn::And(hn::Sub(hn::Iota(d, lanes), hn::Set(d, by)), hn::Set(d, lanes - 1)));
+  }
+
+  HWY_INLINE V operator()(V v, V& carry) const {
+    v = hn::Add(v, hn::ShiftLeftLanes<1>(v));
+    v = hn::Add(v, hn::ShiftLeftLanes<2>(v));
+    if (hn::Lanes(D()) > 4) v = hn::Add(v, hn::And(hn::TableLookupLanes(hn::Broadcast<3>(v), back4), beyond4));
+    if (hn::Lanes(D()) > 8) v = hn::Add(v, hn::And(hn::TableLookupLanes(hn::Broadcast<3>(v), back8), beyond8));
+    const V sums = hn::Add(v, carry);
+    carry = hn::Add(carry, hn::TableLookupLanes(v, last));
+    return sums;
+  }
+};
+
 #endif
-}
 
 /// One row of the table. `above`, `below`: the row's start and its next in each channel, `stride` apart.
 void AddRow(const std::int32_t* height, const std::int32_t* variance, int u_begin, int v, int columns,
             const std::uint8_t* near_holes, const std::uint32_t* above, std::uint32_t* below, std::size_t stride) {
   const D d;
+  const Running prefix;
   const V row = hn::Set(d, static_cast<std::uint32_t>(v));
   const V one = hn::Set(d, 1U);
   const V lane = hn::Iota(d, 0U);  // slow where it is needed anew
@@ -49,11 +79,11 @@ void AddRow(const std::int32_t* height, const std::int32_t* variance, int u_begi
   V carry_variance = hn::Zero(d);
   for (int i = 0; i < columns; i += lanes) {
     const V h = hn::LoadU(d, reinterpret_cast<const std::uint32_t*>(height + i));
-    const V sum_h = Prefix(h, carry_h);
+    const V sum_h = prefix(h, carry_h);
     add(kH, i, sum_h);
     add(kVH, i, hn::Mul(row, sum_h));
-    add(kUH, i, Prefix(hn::Mul(hn::Add(lane, hn::Set(d, static_cast<std::uint32_t>(u_begin + i))), h), carry_uh));
-    add(kVariance, i, Prefix(hn::LoadU(d, reinterpret_cast<const std::uint32_t*>(variance + i)), carry_variance));
+    add(kUH, i, prefix(hn::Mul(hn::Add(lane, hn::Set(d, static_cast<std::uint32_t>(u_begin + i))), h), carry_uh));
+    add(kVariance, i, prefix(hn::LoadU(d, reinterpret_cast<const std::uint32_t*>(variance + i)), carry_variance));
   }
   V carry_n = hn::Zero(d);
   V carry_u = hn::Zero(d);
@@ -64,13 +94,13 @@ void AddRow(const std::int32_t* height, const std::int32_t* variance, int u_begi
     const V u = hn::Add(lane, hn::Set(d, static_cast<std::uint32_t>(u_begin + i)));
     const V n = hn::Min(hn::LoadU(d, reinterpret_cast<const std::uint32_t*>(height + i)), one);
     const V nu = hn::Mul(n, u);
-    const V sum_n = Prefix(n, carry_n);
-    const V sum_u = Prefix(nu, carry_u);
+    const V sum_n = prefix(n, carry_n);
+    const V sum_u = prefix(nu, carry_u);
     const V sum_v = hn::Mul(row, sum_n);
     add(kCount, i, sum_n);
     add(kU, i, sum_u);
     add(kV, i, sum_v);
-    add(kUU, i, Prefix(hn::Mul(nu, u), carry_uu));
+    add(kUU, i, prefix(hn::Mul(nu, u), carry_uu));
     add(kUV, i, hn::Mul(row, sum_u));
     add(kVV, i, hn::Mul(row, sum_v));
   }

@@ -192,6 +192,50 @@ TEST(HeightMap, ThePointOfACellIsOnItsPixelsRay) {
   }
 }
 
+/// One tile of 192 cells at 0.8 m, of which some read otherwise.
+struct OneTile {
+  HeightMap map = make_height_map(kCamera);
+  std::vector<std::uint16_t> pixels = std::vector<std::uint16_t>(16 * 12, 8000);
+
+  void see(int frames = 1) {
+    for (int i = 0; i < frames; ++i) update(map, {pixels.data(), 16, 12, 32, kUnit}, {}, {}, true);
+  }
+  bool changed() const { return map.tile_changed_in[0] == map.frame; }
+};
+
+TEST(HeightMap, ATileIsNewWhenAQuarterOfItsCellsChangeAtOnce) {
+  for (const int cells : {47, 48}) {
+    OneTile tile;
+    tile.see();
+    EXPECT_TRUE(tile.changed());
+    tile.see();
+    EXPECT_FALSE(tile.changed());
+    std::fill_n(tile.pixels.begin(), cells, std::uint16_t{7000});
+    tile.see();
+    EXPECT_TRUE(tile.changed());
+    EXPECT_EQ(tile.map.tile_new_in[0], cells == 48 ? 3U : 1U);
+  }
+}
+
+TEST(HeightMap, ATileChangesWhenOneAfterTheOtherASixteenthOfItsCellsHaveThatWereSteady) {
+  OneTile tile;
+  tile.see(10);
+  for (std::size_t i = 0; i < 24; ++i) {
+    tile.pixels[8 * i] = i % 2 == 0 ? std::uint16_t{7000} : std::uint16_t{0};
+    tile.see();
+    EXPECT_EQ(tile.changed(), i == 11 || i == 23) << i;
+  }
+}
+
+TEST(HeightMap, ATileThatIsNotNewDoesNotChangeWhereReadingsOnlyComeAndGo) {
+  OneTile tile;
+  for (int frame = 0; frame < 60; ++frame) {
+    std::fill_n(tile.pixels.begin(), 20, frame % 2 == 0 ? std::uint16_t{0} : std::uint16_t{8000});
+    tile.see();
+    EXPECT_EQ(tile.changed(), frame < 8) << frame;
+  }
+}
+
 /// A cell by the rules, in doubles.
 struct Cell {
   double w = 0.0, variance = 0.0;

@@ -14,6 +14,12 @@ namespace tubetrack {
 inline constexpr int kTileWidth_px = 16;
 inline constexpr int kTileHeight_px = 16;
 
+/// Cells of a tile that restarted, or gained or lost their reading, in one frame; and how many of them had been steady.
+struct TileChanges {
+  std::uint32_t all = 0;
+  std::uint32_t steady = 0;
+};
+
 /// The image grid of DESIGN §2: a cell is a depth pixel, its height is inverse depth. All buffers are row-major with
 /// width × height cells. A plane in space is a plane in (ray x, ray y, inverse depth), so heights can be averaged and
 /// fitted linearly.
@@ -26,9 +32,14 @@ struct HeightMap {
   std::vector<std::uint8_t> count;         ///< frames in the cell
   std::vector<std::uint8_t> strikes;       ///< frames running that disagreed by more than 3σ
   std::uint32_t frame = 0;                 ///< counts the updates
-  /// By tile, row-major: the frame in which a cell of it last changed, which is to restart or to gain or lose its
-  /// reading. A cell that is refined does not change.
+  /// By tile, row-major: the frame in which it last changed. A cell changes where it restarts or gains or loses its
+  /// reading, not where it is refined; at silhouettes some do in every frame. A tile is new when a quarter of its cells
+  /// change at once. It changes then, with any cell in the seven frames after, and later when, since it last did, a
+  /// sixteenth of its cells have that had been steady (eight frames agreed in them).
   std::vector<std::uint32_t> tile_changed_in;
+  std::vector<std::uint32_t> tile_new_in;     ///< by tile: the frame in which it was last new
+  std::vector<std::uint32_t> tile_unsettled;  ///< by tile: steady cells that changed since it did
+  std::vector<TileChanges> tile_changes;      ///< of one row of tiles, while it is updated
 
   int tile_columns() const { return (intrinsics.width + kTileWidth_px - 1) / kTileWidth_px; }
   int tile_rows() const { return (intrinsics.height + kTileHeight_px - 1) / kTileHeight_px; }
