@@ -130,16 +130,20 @@ void judge_beside(const Beside& beside, Side& side) {
   side.rises = 2 * rises >= static_cast<int>(kParts);
 }
 
-/// How far the surface agrees with the circle on one side, by bins of a 40th of the radius pooled along the tube.
-Side side_of(const HeightMap& map, const TubeModel& model, const Extent& extent,
+/// How far the surface agrees with the circle on one side, by bins of a 40th of the radius pooled along the tube, where
+/// it is seen: what hides it elsewhere says nothing of where it ends.
+Side side_of(const HeightMap& map, const TubeModel& model, const std::vector<Station>& stations, const Extent& extent,
              const std::vector<PredictedPixel>& predicted, double sign) {
   constexpr int kBins = 40;
+  const auto count = static_cast<int>(stations.size());
   std::array<int, kBins> expected{};
   std::array<int, kBins> agree{};
   std::array<int, kBins> past{};
   for (const PredictedPixel& pixel : predicted) {
     const double lateral = sign * pixel.lateral;
     if (lateral < 0.0 || pixel.t < extent.t_begin || pixel.t > extent.t_end) continue;
+    const int at = std::clamp(static_cast<int>(pixel.t / model.spline.spans() * count), 0, count - 1);
+    if (!stations[static_cast<std::size_t>(at)].seen()) continue;
     const auto bin = static_cast<std::size_t>(std::min(kBins - 1, static_cast<int>(lateral * kBins)));
     ++expected[bin];
     const float measured = map.depth_m[pixel.cell];
@@ -248,8 +252,8 @@ Evidence surface_evidence(const HeightMap& map, const NoiseModel& noise, const T
   evidence.length_m = arc_length_m(model.spline, extent.t_begin, extent.t_end);
   evidence.min_bend_radii = min_bend_radii(model, extent);
   if (sums.agree == 0) return evidence;
-  evidence.left = side_of(map, model, extent, predicted, -1.0);
-  evidence.right = side_of(map, model, extent, predicted, 1.0);
+  evidence.left = side_of(map, model, stations, extent, predicted, -1.0);
+  evidence.right = side_of(map, model, stations, extent, predicted, 1.0);
   judge_taper(sums, model.radius_m, evidence);
   evidence.support = support_of(stations, extent);
   evidence.noise_ratio = std::sqrt(sums.chi2 / sums.agree);

@@ -11,6 +11,8 @@ namespace tubetrack {
 
 namespace {
 
+constexpr double kWholeSection_rad = 2.4;  // of the 150° that are judged
+
 double spacing_m(const Spline& spline) {
   return (spline.control_m[2] - spline.control_m[1]).norm();
 }
@@ -260,8 +262,11 @@ std::optional<std::string> why_no_tube(const FoundTube& found, const TrackerConf
   const Evidence& e = found.evidence;
   if (auto reason = why_no_surface(found, config)) return reason;
   if (!e.turns_away()) return "the surface goes on beyond both sides";
+  // Two planes that meet turn by 90° or so: what is round over nearly all that faces the camera is no edge between them,
+  // and what lies beside it are neighbours that it touches.
+  const bool round = e.arc_rad > kWholeSection_rad && e.profile_rms_radii < 0.02;
   const double straight = std::max(e.left.straight_share, e.right.straight_share);
-  if (e.edge_share > 0.45 || straight > 0.6) return "goes straight on beyond a side";
+  if (!round && (e.edge_share > 0.45 || straight > 0.6)) return "goes straight on beyond a side";
   return std::nullopt;
 }
 
