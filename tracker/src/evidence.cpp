@@ -130,8 +130,8 @@ void judge_beside(const Beside& beside, Side& side) {
   side.rises = 2 * rises >= static_cast<int>(kParts);
 }
 
-/// How far the surface agrees with the circle on one side, by bins of a 40th of the radius pooled along the tube, where
-/// it is seen: what hides it elsewhere says nothing of where it ends.
+/// How far the surface agrees with the circle on one side, by bins of a 40th of the radius pooled along the tube, but
+/// for where something nearer hides it: that says nothing of where it ends.
 Side side_of(const HeightMap& map, const TubeModel& model, const std::vector<Station>& stations, const Extent& extent,
              const std::vector<PredictedPixel>& predicted, double sign) {
   constexpr int kBins = 40;
@@ -143,7 +143,8 @@ Side side_of(const HeightMap& map, const TubeModel& model, const std::vector<Sta
     const double lateral = sign * pixel.lateral;
     if (lateral < 0.0 || pixel.t < extent.t_begin || pixel.t > extent.t_end) continue;
     const int at = std::clamp(static_cast<int>(pixel.t / model.spline.spans() * count), 0, count - 1);
-    if (!stations[static_cast<std::size_t>(at)].seen()) continue;
+    const Station& station = stations[static_cast<std::size_t>(at)];
+    if (2 * station.before > station.expected) continue;
     const auto bin = static_cast<std::size_t>(std::min(kBins - 1, static_cast<int>(lateral * kBins)));
     ++expected[bin];
     const float measured = map.depth_m[pixel.cell];
