@@ -21,6 +21,14 @@ void hide_from(const std::vector<PredictedPixel>& mine, const TubeModel& model, 
   }
 }
 
+void hide_others(std::span<const FollowedTube> tubes, const FollowedTube* self, const std::vector<PredictedPixel>& mine,
+                 HeightMap& map, std::vector<HiddenCell>& hidden) {
+  for (const FollowedTube& other : tubes) {
+    if (&other == self || other.state != TubeState::tracked) continue;
+    hide_from(mine, other.model, other.extent, other.pixels, map, hidden);
+  }
+}
+
 void show_again(HeightMap& map, std::vector<HiddenCell>& hidden) {
   for (auto it = hidden.rbegin(); it != hidden.rend(); ++it) map.depth_m[it->cell] = it->depth_m;
   hidden.clear();

@@ -1,9 +1,10 @@
 #pragma once
 
 #include <cstdint>
+#include <span>
 #include <vector>
 
-#include "tubetrack/tracker/stations.hpp"
+#include "tubetrack/tracker/follow.hpp"
 
 namespace tubetrack {
 
@@ -20,6 +21,10 @@ struct HiddenCell {
 /// `show_again` finds what to put back.
 void hide_from(const std::vector<PredictedPixel>& mine, const TubeModel& model, const Extent& extent,
                const std::vector<PredictedPixel>& pixels, HeightMap& map, std::vector<HiddenCell>& hidden);
+
+/// From one of these tubes, or from a new one, all that are in sight but itself.
+void hide_others(std::span<const FollowedTube> tubes, const FollowedTube* self, const std::vector<PredictedPixel>& mine,
+                 HeightMap& map, std::vector<HiddenCell>& hidden);
 
 /// Puts back all that was hidden.
 void show_again(HeightMap& map, std::vector<HiddenCell>& hidden);
