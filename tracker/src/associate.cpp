@@ -178,7 +178,7 @@ void take_in(KnownTubes& known, std::vector<FoundTube> found, HeightMap& map, co
     });
   });
   join_all(found, map, config);
-  std::vector<HiddenCell> hidden;
+  HiddenCells hidden;
   for (std::size_t i = 0; i < found.size(); ++i) {
     FoundTube& tube = found[i];
     if (const auto back = recognise(known, tube, timestamp_s)) {
@@ -197,7 +197,7 @@ void take_in(KnownTubes& known, std::vector<FoundTube> found, HeightMap& map, co
 }
 
 void confirm_or_forget(KnownTubes& known, HeightMap& map, const TrackerConfig& config) {
-  std::vector<HiddenCell> hidden;
+  HiddenCells hidden;
   for (FollowedTube& tube : known.tubes) {
     const bool now = tube.frames_followed <= kFramesOnTrial || tube.frames_followed % kFramesBetweenTrials == 0;
     if (tube.state != TubeState::tracked || !now) continue;

@@ -146,8 +146,9 @@ Side side_of(const HeightMap& map, const TubeModel& model, const std::vector<Sta
     const Station& station = stations[static_cast<std::size_t>(at)];
     if (2 * station.before > station.expected) continue;
     const auto bin = static_cast<std::size_t>(std::min(kBins - 1, static_cast<int>(lateral * kBins)));
-    ++expected[bin];
     const float measured = map.depth_m[pixel.cell];
+    if (measured < 0.0F) continue;
+    ++expected[bin];
     const double off = measured - pixel.depth_m;
     if (measured > 0.0F && std::abs(off) <= agreement_m(model, pixel))
       ++agree[bin];
@@ -190,9 +191,10 @@ SurfaceSums sum_surface(const HeightMap& map, const TubeModel& model, const std:
     const double angle = std::asin(std::clamp(static_cast<double>(pixel.lateral), -1.0, 1.0));
     const int bin = std::clamp(static_cast<int>((angle / std::numbers::pi * 180.0 + 75.0) / 10.0), 0, kSectionBins - 1);
     const auto at = static_cast<std::size_t>(bin);
-    ++sums.wanted[at];
     const float measured = map.depth_m[pixel.cell];
-    if (measured <= 0.0F) continue;
+    if (measured < 0.0F) continue;
+    ++sums.wanted[at];
+    if (measured == 0.0F) continue;
     const double off = measured - pixel.depth_m;
     add_to_shape(model, pixel, off, pixel.t < middle ? sums.first_half : sums.second_half);
     if (std::abs(off) > agreement_m(model, pixel)) continue;
@@ -238,7 +240,7 @@ double support_of(const std::vector<Station>& stations, const Extent& extent) {
   for (const Station& station : stations) {
     if (!station.seen() || station.t < extent.t_begin || station.t > extent.t_end) continue;
     agree += station.agree;
-    expected += station.expected;
+    expected += station.expected - station.anothers;
   }
   return expected > 0 ? static_cast<double>(agree) / expected : 0.0;
 }

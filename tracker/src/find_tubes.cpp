@@ -59,7 +59,7 @@ bool take_place(std::vector<FoundTube>& tubes, const FoundTube& found) {
 /// Fits every tube again that others are seen in front of, without the pixels that are theirs: where two touch, the
 /// flank of one runs on into the other's.
 void part_neighbors(std::vector<FoundTube>& tubes, HeightMap& map, const TrackerConfig& config) {
-  std::vector<HiddenCell> hidden;
+  HiddenCells hidden;
   for (FoundTube& tube : tubes) {
     for (const FoundTube& other : tubes) {
       if (&other != &tube) hide_from(tube.pixels, other.model, other.extent, other.pixels, map, hidden);
@@ -72,7 +72,7 @@ void part_neighbors(std::vector<FoundTube>& tubes, HeightMap& map, const Tracker
 /// Tries again the seeds that did not show a tube, without the pixels of the tubes found since.
 void try_again(const std::vector<Seed>& refused, std::vector<FoundTube>& tubes, HeightMap& map,
                const TrackerConfig& config) {
-  std::vector<HiddenCell> hidden;
+  HiddenCells hidden;
   for (const Seed& seed : refused) {
     for (const FoundTube& other : tubes) hide_from({}, other.model, other.extent, other.pixels, map, hidden);
     auto found = grow_tube(map, config, seed);

@@ -1,36 +1,59 @@
 #include "hide.hpp"
 
+#include <algorithm>
 #include <cmath>
 
 #include "shape_sums.hpp"
 
 namespace tubetrack {
 
+namespace {
+
+void take_out(HeightMap& map, std::size_t cell, HiddenCells& hidden) {
+  if (map.depth_m[cell] <= 0.0F) return;
+  map.depth_m[cell] = -map.depth_m[cell];
+  hidden.push_back(static_cast<std::uint32_t>(cell));
+}
+
+/// At a silhouette the sensor's lateral jitter mixes what is in front with what is behind.
+void take_out_around(HeightMap& map, std::uint32_t cell, HiddenCells& hidden) {
+  constexpr int kReach_px = 2;
+  const int width = map.intrinsics.width;
+  const int u = static_cast<int>(cell) % width;
+  const int v = static_cast<int>(cell) / width;
+  for (int row = std::max(0, v - kReach_px); row <= std::min(map.intrinsics.height - 1, v + kReach_px); ++row) {
+    for (int col = std::max(0, u - kReach_px); col <= std::min(width - 1, u + kReach_px); ++col) {
+      take_out(map, map.cell(col, row), hidden);
+    }
+  }
+}
+
+}  // namespace
+
 void hide_from(const std::vector<PredictedPixel>& mine, const TubeModel& model, const Extent& extent,
-               const std::vector<PredictedPixel>& pixels, HeightMap& map, std::vector<HiddenCell>& hidden) {
-  constexpr float kNearer = 0.5F;  // so near that it hides whatever is there
+               const std::vector<PredictedPixel>& pixels, HeightMap& map, HiddenCells& hidden) {
   auto own = mine.begin();
   for (const PredictedPixel& pixel : pixels) {
-    float& depth_m = map.depth_m[pixel.cell];
+    const float depth_m = map.depth_m[pixel.cell];
     if (depth_m <= 0.0F || pixel.t < extent.t_begin || pixel.t > extent.t_end) continue;
     if (std::abs(depth_m - pixel.depth_m) > agreement_m(model, pixel)) continue;
     while (own != mine.end() && own->cell < pixel.cell) ++own;
     if (own != mine.end() && own->cell == pixel.cell && own->depth_m <= pixel.depth_m) continue;
-    hidden.push_back({pixel.cell, depth_m});
-    depth_m *= kNearer;
+    take_out(map, pixel.cell, hidden);
+    if (pixel.margin_px < 1.0F) take_out_around(map, pixel.cell, hidden);
   }
 }
 
 void hide_others(std::span<const FollowedTube> tubes, const FollowedTube* self, const std::vector<PredictedPixel>& mine,
-                 HeightMap& map, std::vector<HiddenCell>& hidden) {
+                 HeightMap& map, HiddenCells& hidden) {
   for (const FollowedTube& other : tubes) {
     if (&other == self || other.state != TubeState::tracked) continue;
     hide_from(mine, other.model, other.extent, other.pixels, map, hidden);
   }
 }
 
-void show_again(HeightMap& map, std::vector<HiddenCell>& hidden) {
-  for (auto it = hidden.rbegin(); it != hidden.rend(); ++it) map.depth_m[it->cell] = it->depth_m;
+void show_again(HeightMap& map, HiddenCells& hidden) {
+  for (const std::uint32_t cell : hidden) map.depth_m[cell] = -map.depth_m[cell];
   hidden.clear();
 }
 

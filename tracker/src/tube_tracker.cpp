@@ -116,7 +116,7 @@ void TubeTracker::follow_known(const DepthFrame& frame) {
     for (FailedPlace& place : s.failed) place.position_m = new_from_old * place.position_m;
   }
   s.world_from_camera = frame.world_from_camera;
-  std::vector<HiddenCell> hidden;
+  HiddenCells hidden;
   for (FollowedTube& tube : s.known.tubes) {
     hide_others(s.known.tubes, &tube, tube.pixels, s.map, hidden);
     follow_tube(tube, s.map, s.config, frame.timestamp_s, elapsed_s);
@@ -167,7 +167,7 @@ const TubeFrame& TubeTracker::track(const DepthFrame& frame) {
   recast(s.votes, s.cast, surfels);  // algorithm 1
   stage.lap(stages.accumulate_ms);
 
-  std::vector<HiddenCell> hidden;
+  HiddenCells hidden;
   hide_others(s.known.tubes, nullptr, {}, s.map, hidden);
   const int max_failures = s.known.first_frame ? kFailuresAtFirst : kFailuresLater;
   auto found = find_tubes(s.votes, surfels, s.cast, s.map, s.config, max_failures, s.failed,
