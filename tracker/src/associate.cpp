@@ -186,9 +186,10 @@ void take_in(KnownTubes& known, std::vector<FoundTube> found, HeightMap& map, co
       continue;
     }
     if (join_to_known(known, tube, map, config, timestamp_s)) continue;
-    hide_others(known.tubes, nullptr, tube.pixels, map, hidden);
+    const SeenTube mine = seen(tube);
+    hide_others(known.tubes, nullptr, &mine, map, hidden);
     for (std::size_t j = i + 1; j < found.size(); ++j) {
-      hide_from(tube.pixels, found[j].model, found[j].extent, found[j].pixels, map, hidden);
+      hide_from(&mine, seen(found[j]), map, hidden);
     }
     take_in_fresh(known, std::move(tube), map, config, timestamp_s);
     show_again(map, hidden);
@@ -201,7 +202,8 @@ void confirm_or_forget(KnownTubes& known, HeightMap& map, const TrackerConfig& c
   for (FollowedTube& tube : known.tubes) {
     const bool now = tube.frames_followed <= kFramesOnTrial || tube.frames_followed % kFramesBetweenTrials == 0;
     if (tube.state != TubeState::tracked || !now) continue;
-    hide_others(known.tubes, &tube, tube.pixels, map, hidden);
+    const SeenTube mine = seen(tube);
+    hide_others(known.tubes, &tube, &mine, map, hidden);
     const bool denied = why_no_tube(as_found(tube, map, config), config).has_value();
     show_again(map, hidden);
     tube.standing = std::min(kBestStanding, tube.standing + (denied ? -2 : 1));

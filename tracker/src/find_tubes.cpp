@@ -61,8 +61,9 @@ bool take_place(std::vector<FoundTube>& tubes, const FoundTube& found) {
 void part_neighbors(std::vector<FoundTube>& tubes, HeightMap& map, const TrackerConfig& config) {
   HiddenCells hidden;
   for (FoundTube& tube : tubes) {
+    const SeenTube mine = seen(tube);
     for (const FoundTube& other : tubes) {
-      if (&other != &tube) hide_from(tube.pixels, other.model, other.extent, other.pixels, map, hidden);
+      if (&other != &tube) hide_from(&mine, seen(other), map, hidden);
     }
     fit_again(map, config, tube);
     show_again(map, hidden);
@@ -74,7 +75,7 @@ void try_again(const std::vector<Seed>& refused, std::vector<FoundTube>& tubes, 
                const TrackerConfig& config) {
   HiddenCells hidden;
   for (const Seed& seed : refused) {
-    for (const FoundTube& other : tubes) hide_from({}, other.model, other.extent, other.pixels, map, hidden);
+    for (const FoundTube& other : tubes) hide_from(nullptr, seen(other), map, hidden);
     auto found = grow_tube(map, config, seed);
     if (found && !why_no_tube(*found, config)) {
       go_on_behind(map, config, *found);

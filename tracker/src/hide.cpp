@@ -30,25 +30,29 @@ void take_out_around(HeightMap& map, std::uint32_t cell, HiddenCells& hidden) {
 
 }  // namespace
 
-void hide_from(const std::vector<PredictedPixel>& mine, const TubeModel& model, const Extent& extent,
-               const std::vector<PredictedPixel>& pixels, HeightMap& map, HiddenCells& hidden) {
-  auto own = mine.begin();
-  for (const PredictedPixel& pixel : pixels) {
+void hide_from(const SeenTube* mine, const SeenTube& other, HeightMap& map, HiddenCells& hidden) {
+  const std::span<const PredictedPixel> own =
+      mine ? std::span<const PredictedPixel>(mine->pixels) : std::span<const PredictedPixel>();
+  auto at = own.begin();
+  for (const PredictedPixel& pixel : other.pixels) {
     const float depth_m = map.depth_m[pixel.cell];
-    if (depth_m <= 0.0F || pixel.t < extent.t_begin || pixel.t > extent.t_end) continue;
-    if (std::abs(depth_m - pixel.depth_m) > agreement_m(model, pixel)) continue;
-    while (own != mine.end() && own->cell < pixel.cell) ++own;
-    if (own != mine.end() && own->cell == pixel.cell && own->depth_m <= pixel.depth_m) continue;
+    if (depth_m <= 0.0F || pixel.t < other.extent.t_begin || pixel.t > other.extent.t_end) continue;
+    if (std::abs(depth_m - pixel.depth_m) > agreement_m(other.model, pixel)) continue;
+    while (at != own.end() && at->cell < pixel.cell) ++at;
+    const bool in_front = at != own.end() && at->cell == pixel.cell && at->depth_m <= pixel.depth_m &&
+                          at->t >= mine->extent.t_begin && at->t <= mine->extent.t_end;
+    if (in_front) continue;
     take_out(map, pixel.cell, hidden);
     if (pixel.margin_px < 1.0F) take_out_around(map, pixel.cell, hidden);
   }
 }
 
-void hide_others(std::span<const FollowedTube> tubes, const FollowedTube* self, const std::vector<PredictedPixel>& mine,
-                 HeightMap& map, HiddenCells& hidden) {
+void hide_others(std::span<const FollowedTube> tubes, const FollowedTube* self, const SeenTube* mine, HeightMap& map,
+                 HiddenCells& hidden) {
   for (const FollowedTube& other : tubes) {
     if (&other == self || other.state != TubeState::tracked) continue;
-    hide_from(mine, other.model, other.extent, other.pixels, map, hidden);
+    if (self && self->confirmed && !other.confirmed) continue;
+    hide_from(mine, seen(other), map, hidden);
   }
 }
 

@@ -118,7 +118,8 @@ void TubeTracker::follow_known(const DepthFrame& frame) {
   s.world_from_camera = frame.world_from_camera;
   HiddenCells hidden;
   for (FollowedTube& tube : s.known.tubes) {
-    hide_others(s.known.tubes, &tube, tube.pixels, s.map, hidden);
+    const SeenTube mine = seen(tube);
+    hide_others(s.known.tubes, &tube, &mine, s.map, hidden);
     follow_tube(tube, s.map, s.config, frame.timestamp_s, elapsed_s);
     show_again(s.map, hidden);
   }
@@ -168,7 +169,7 @@ const TubeFrame& TubeTracker::track(const DepthFrame& frame) {
   stage.lap(stages.accumulate_ms);
 
   HiddenCells hidden;
-  hide_others(s.known.tubes, nullptr, {}, s.map, hidden);
+  hide_others(s.known.tubes, nullptr, nullptr, s.map, hidden);
   const int max_failures = s.known.first_frame ? kFailuresAtFirst : kFailuresLater;
   auto found = find_tubes(s.votes, surfels, s.cast, s.map, s.config, max_failures, s.failed,
                           stages);  // algorithm 2, section 2.3
