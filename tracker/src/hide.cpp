@@ -17,7 +17,7 @@ void take_out(HeightMap& map, std::size_t cell, HiddenCells& hidden) {
 
 /// At a silhouette the sensor's lateral jitter mixes what is in front with what is behind.
 void take_out_around(HeightMap& map, std::uint32_t cell, HiddenCells& hidden) {
-  constexpr int kReach_px = 2;
+  constexpr int kReach_px = 1;
   const int width = map.intrinsics.width;
   const int u = static_cast<int>(cell) % width;
   const int v = static_cast<int>(cell) / width;
