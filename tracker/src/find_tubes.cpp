@@ -65,7 +65,9 @@ void part_neighbors(std::vector<FoundTube>& tubes, HeightMap& map, const Tracker
     for (const FoundTube& other : tubes) {
       if (&other != &tube) hide_from(&mine, seen(other), map, hidden);
     }
-    fit_again(map, config, tube);
+    const bool shares = std::any_of(tube.pixels.begin(), tube.pixels.end(),
+                                    [&](const PredictedPixel& pixel) { return map.depth_m[pixel.cell] < 0.0F; });
+    if (shares) fit_again(map, config, tube);
     show_again(map, hidden);
   }
 }

@@ -7,6 +7,8 @@
 #include <cmath>
 #include <numbers>
 
+#include "shape_sums.hpp"
+
 namespace tubetrack {
 
 namespace {
@@ -271,11 +273,17 @@ void go_on_behind(const HeightMap& map, const TrackerConfig& config, FoundTube& 
   TubeModel longer = tube.model;
   cut_to(longer.spline, tube.extent);
   for (int i = 0; i < kHiddenSpans; ++i) extend(longer.spline, true, true);
+  constexpr double kGapRadii = kHiddenSpans * kKnotSpacingRadii;
+  FoundTube ahead;
+  ahead.model = longer;
+  look(map, config, 1, kGapRadii, ahead);
+  const double gain_m = arc_length_m(longer.spline, ahead.extent.t_begin, ahead.extent.t_end) - tube.evidence.length_m;
+  if (gain_m < 0.5 * tube.model.radius_m) return;
   TrackerConfig held = config;
   if (tube.held_radius_m) held.radius_m = tube.held_radius_m;
   // Held straight until it is known how far it goes, or the first few pixels beyond bend it.
   for (const double suppleness : {0.1, 1.0}) {
-    const Rounds rounds{1, 8, kHiddenSpans * kKnotSpacingRadii, suppleness};
+    const Rounds rounds{1, 8, kGapRadii, suppleness};
     auto whole = grow_until_settled(map, held, std::move(longer), 1, rounds);
     if (!whole || whole->evidence.length_m < tube.evidence.length_m + 0.5 * tube.model.radius_m) return;
     if (whole->evidence.noise_ratio > 1.25 * tube.evidence.noise_ratio) return;
