@@ -1,6 +1,7 @@
 #include "hide.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 
 #include "shape_sums.hpp"
@@ -28,6 +29,28 @@ void take_out_around(HeightMap& map, std::uint32_t cell, HiddenCells& hidden) {
   }
 }
 
+/// An end of the extent, and the direction out of it.
+struct End {
+  Eigen::Vector3d at_m, out;
+};
+std::array<End, 2> ends_of(const FollowedTube& tube) {
+  const Spline& spline = tube.model.spline;
+  return {End{point_at(spline, tube.extent.t_begin), -derivative_at(spline, tube.extent.t_begin).normalized()},
+          End{point_at(spline, tube.extent.t_end), derivative_at(spline, tube.extent.t_end).normalized()}};
+}
+
+/// May they be two pieces of one tube: does the end of one point along the other?
+bool in_one_line(const FollowedTube& a, const FollowedTube& b) {
+  for (const End& from : ends_of(a)) {
+    for (const End& to : ends_of(b)) {
+      const Eigen::Vector3d way = to.at_m - from.at_m;
+      const double aside_m = (way - way.dot(from.out) * from.out).norm();
+      if (aside_m < 0.7 * a.model.radius_m && from.out.dot(to.out) < -0.9) return true;
+    }
+  }
+  return false;
+}
+
 }  // namespace
 
 void hide_from(const SeenTube* mine, const SeenTube& other, HeightMap& map, HiddenCells& hidden) {
@@ -51,7 +74,7 @@ void hide_others(std::span<const FollowedTube> tubes, const FollowedTube* self, 
                  HiddenCells& hidden) {
   for (const FollowedTube& other : tubes) {
     if (&other == self || other.state != TubeState::tracked) continue;
-    if (self && self->confirmed && !other.confirmed) continue;
+    if (self && ((self->confirmed && !other.confirmed) || in_one_line(*self, other))) continue;
     hide_from(mine, seen(other), map, hidden);
   }
 }

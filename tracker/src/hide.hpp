@@ -29,8 +29,8 @@ inline SeenTube seen(const FollowedTube& tube) {
 /// may be null where it is not known yet. Appends to `hidden`, in which `show_again` finds what to put back.
 void hide_from(const SeenTube* mine, const SeenTube& other, HeightMap& map, HiddenCells& hidden);
 
-/// The same for all that are in sight, from one of them or (`self` null) from a new one. One that is not confirmed
-/// hides nothing from one that is: it may be a piece of it.
+/// The same for all that are in sight, from one of them or (`self` null) from a new one. Where
+/// one runs on into the other nothing is hidden, nor by what is not confirmed from what is: they may be pieces of one.
 void hide_others(std::span<const FollowedTube> tubes, const FollowedTube* self, const SeenTube* mine, HeightMap& map,
                  HiddenCells& hidden);
 
