@@ -131,8 +131,8 @@ INSTANTIATE_TEST_SUITE_P(Synthetic, Preset,
                            return name;
                          });
 
-// Short of issue 2's 97 % and 1 % without noise: the tube under two others, of which 27 samples are visible, is not
-// found, and the one beside it is seen from one side only (docs/open.md).
+// Short of issue 2's 97 % and 1 % without noise: the tube under two others, of which 29 samples are visible, waits for
+// two more frames, and the one beside it is seen from one side only (docs/open.md).
 TEST(SyntheticPile, IsFoundButForTheTubeUnderTheOthers) {
   const View view{"pile", 0, 0.0};
   const TubeScore exact = without_noise(view);
@@ -140,10 +140,10 @@ TEST(SyntheticPile, IsFoundButForTheTubeUnderTheOthers) {
   EXPECT_LE(exact.rms_m(), 0.0005);
   EXPECT_LE(exact.false_length(), 0.01);
   EXPECT_LE(exact.radius_error_median(), 0.01);
-  EXPECT_LE(*std::ranges::max_element(exact.radius_errors), 0.0275);
+  EXPECT_LE(*std::ranges::max_element(exact.radius_errors), 0.0265);
   const TubeScore noisy = with_noise(view, false);
-  EXPECT_GE(noisy.coverage(), 0.85);
-  EXPECT_LE(noisy.radius_error_median(), 0.08);
+  EXPECT_GE(noisy.coverage(), 0.96);
+  EXPECT_LE(noisy.radius_error_median(), 0.012);
 }
 
 TEST(SyntheticClutter, HoldsNoTube) {

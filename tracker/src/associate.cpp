@@ -6,6 +6,7 @@
 #include <limits>
 #include <optional>
 
+#include "hide.hpp"
 #include "tubetrack/tracker/join.hpp"
 
 namespace tubetrack {
@@ -156,9 +157,23 @@ bool sure_at_once(const FoundTube& found) {
   return e.taper_sigma < kSureTaper && !turns;
 }
 
+/// Starts to follow a tube that was not known, if all that the image confirms of it still says that it is one.
+void take_in_fresh(KnownTubes& known, FoundTube found, const HeightMap& map, const TrackerConfig& config,
+                   double timestamp_s) {
+  FollowedTube fresh = start_following(std::move(found), map, config, timestamp_s, known.next_id);
+  // Lengthened along all that the image confirms it may turn out to be none: a forearm's taper shows over its length.
+  const FoundTube whole = as_found(fresh, map, config);
+  if (why_no_tube(whole, config)) return;
+  ++known.next_id;
+  fresh.confirmed = known.first_frame && sure_at_once(whole);
+  fresh.standing = fresh.confirmed ? 2 : 0;
+  pool_without_ends(fresh, map, config);
+  known.tubes.push_back(std::move(fresh));
+}
+
 }  // namespace
 
-void take_in(KnownTubes& known, std::vector<FoundTube> found, const HeightMap& map, const TrackerConfig& config,
+void take_in(KnownTubes& known, std::vector<FoundTube> found, HeightMap& map, const TrackerConfig& config,
              double timestamp_s) {
   std::erase_if(found, [&](const FoundTube& tube) {
     return std::any_of(known.tubes.begin(), known.tubes.end(), [&](const FollowedTube& other) {
@@ -166,30 +181,34 @@ void take_in(KnownTubes& known, std::vector<FoundTube> found, const HeightMap& m
     });
   });
   join_all(found, map, config);
-  for (FoundTube& tube : found) {
+  HiddenCells hidden;
+  for (std::size_t i = 0; i < found.size(); ++i) {
+    FoundTube& tube = found[i];
     if (const auto back = recognise(known, tube, timestamp_s)) {
       come_back(known.tubes[*back], std::move(tube), map, config, timestamp_s);
-    } else if (!join_to_known(known, tube, map, config, timestamp_s)) {
-      FollowedTube fresh = start_following(std::move(tube), map, config, timestamp_s, known.next_id);
-      // Lengthened along all that the image confirms it may turn out to be none: a forearm's taper shows over its
-      // length.
-      const FoundTube whole = as_found(fresh, map, config);
-      if (why_no_tube(whole, config)) continue;
-      ++known.next_id;
-      fresh.confirmed = known.first_frame && sure_at_once(whole);
-      fresh.standing = fresh.confirmed ? 2 : 0;
-      pool_without_ends(fresh, map, config);
-      known.tubes.push_back(std::move(fresh));
+      continue;
     }
+    if (join_to_known(known, tube, map, config, timestamp_s)) continue;
+    const SeenTube mine = seen(tube);
+    hide_others(known.tubes, nullptr, &mine, map, hidden);
+    for (std::size_t j = i + 1; j < found.size(); ++j) {
+      hide_from(&mine, seen(found[j]), map, hidden);
+    }
+    take_in_fresh(known, std::move(tube), map, config, timestamp_s);
+    show_again(map, hidden);
   }
   known.first_frame = false;
 }
 
-void confirm_or_forget(KnownTubes& known, const HeightMap& map, const TrackerConfig& config) {
+void confirm_or_forget(KnownTubes& known, HeightMap& map, const TrackerConfig& config) {
+  HiddenCells hidden;
   for (FollowedTube& tube : known.tubes) {
     const bool now = tube.frames_followed <= kFramesOnTrial || tube.frames_followed % kFramesBetweenTrials == 0;
     if (tube.state != TubeState::tracked || !now) continue;
+    const SeenTube mine = seen(tube);
+    hide_others(known.tubes, &tube, &mine, map, hidden);
     const bool denied = why_no_tube(as_found(tube, map, config), config).has_value();
+    show_again(map, hidden);
     tube.standing = std::min(kBestStanding, tube.standing + (denied ? -2 : 1));
     tube.confirmed = tube.confirmed || tube.standing >= 2;
   }

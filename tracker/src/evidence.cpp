@@ -130,19 +130,25 @@ void judge_beside(const Beside& beside, Side& side) {
   side.rises = 2 * rises >= static_cast<int>(kParts);
 }
 
-/// How far the surface agrees with the circle on one side, by bins of a 40th of the radius pooled along the tube.
-Side side_of(const HeightMap& map, const TubeModel& model, const Extent& extent,
+/// How far the surface agrees with the circle on one side, by bins of a 40th of the radius pooled along the tube, but
+/// for where something nearer hides it: that says nothing of where it ends.
+Side side_of(const HeightMap& map, const TubeModel& model, const std::vector<Station>& stations, const Extent& extent,
              const std::vector<PredictedPixel>& predicted, double sign) {
   constexpr int kBins = 40;
+  const auto count = static_cast<int>(stations.size());
   std::array<int, kBins> expected{};
   std::array<int, kBins> agree{};
   std::array<int, kBins> past{};
   for (const PredictedPixel& pixel : predicted) {
     const double lateral = sign * pixel.lateral;
     if (lateral < 0.0 || pixel.t < extent.t_begin || pixel.t > extent.t_end) continue;
+    const int at = std::clamp(static_cast<int>(pixel.t / model.spline.spans() * count), 0, count - 1);
+    const Station& station = stations[static_cast<std::size_t>(at)];
+    if (2 * station.before > station.expected) continue;
     const auto bin = static_cast<std::size_t>(std::min(kBins - 1, static_cast<int>(lateral * kBins)));
-    ++expected[bin];
     const float measured = map.depth_m[pixel.cell];
+    if (measured < 0.0F) continue;
+    ++expected[bin];
     const double off = measured - pixel.depth_m;
     if (measured > 0.0F && std::abs(off) <= agreement_m(model, pixel))
       ++agree[bin];
@@ -185,9 +191,10 @@ SurfaceSums sum_surface(const HeightMap& map, const TubeModel& model, const std:
     const double angle = std::asin(std::clamp(static_cast<double>(pixel.lateral), -1.0, 1.0));
     const int bin = std::clamp(static_cast<int>((angle / std::numbers::pi * 180.0 + 75.0) / 10.0), 0, kSectionBins - 1);
     const auto at = static_cast<std::size_t>(bin);
-    ++sums.wanted[at];
     const float measured = map.depth_m[pixel.cell];
-    if (measured <= 0.0F) continue;
+    if (measured < 0.0F) continue;
+    ++sums.wanted[at];
+    if (measured == 0.0F) continue;
     const double off = measured - pixel.depth_m;
     add_to_shape(model, pixel, off, pixel.t < middle ? sums.first_half : sums.second_half);
     if (std::abs(off) > agreement_m(model, pixel)) continue;
@@ -233,7 +240,7 @@ double support_of(const std::vector<Station>& stations, const Extent& extent) {
   for (const Station& station : stations) {
     if (!station.seen() || station.t < extent.t_begin || station.t > extent.t_end) continue;
     agree += station.agree;
-    expected += station.expected;
+    expected += station.expected - station.anothers;
   }
   return expected > 0 ? static_cast<double>(agree) / expected : 0.0;
 }
@@ -248,8 +255,8 @@ Evidence surface_evidence(const HeightMap& map, const NoiseModel& noise, const T
   evidence.length_m = arc_length_m(model.spline, extent.t_begin, extent.t_end);
   evidence.min_bend_radii = min_bend_radii(model, extent);
   if (sums.agree == 0) return evidence;
-  evidence.left = side_of(map, model, extent, predicted, -1.0);
-  evidence.right = side_of(map, model, extent, predicted, 1.0);
+  evidence.left = side_of(map, model, stations, extent, predicted, -1.0);
+  evidence.right = side_of(map, model, stations, extent, predicted, 1.0);
   judge_taper(sums, model.radius_m, evidence);
   evidence.support = support_of(stations, extent);
   evidence.noise_ratio = std::sqrt(sums.chi2 / sums.agree);

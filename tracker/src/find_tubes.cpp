@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "hide.hpp"
 #include "stopwatch.hpp"
 #include "tubetrack/tracker/join.hpp"
 #include "tubetrack/tracker/trace.hpp"
@@ -65,6 +66,50 @@ void put_to_rest(std::vector<FailedPlace>& failed, const std::vector<TracePoint>
     failed.push_back({point.position_m, point.radius_m, std::max(point.votes, votes), rest, 0});
 }
 
+/// Drops the tubes of which this one is a longer fit. False if it is itself one that is known.
+bool take_place(std::vector<FoundTube>& tubes, const FoundTube& found) {
+  const auto is_part = [](const FoundTube& part, const FoundTube& whole) {
+    return same_tube(part.model, part.extent, whole.model, whole.extent);
+  };
+  const bool known = std::any_of(tubes.begin(), tubes.end(), [&](const FoundTube& tube) {
+    return is_part(found, tube) && found.evidence.length_m < tube.evidence.length_m + found.model.radius_m;
+  });
+  if (known) return false;
+  std::erase_if(tubes, [&](const FoundTube& tube) { return is_part(tube, found); });
+  return true;
+}
+
+/// Fits every tube again that others are seen in front of, without the pixels that are theirs: where two touch, the
+/// flank of one runs on into the other's.
+void part_neighbors(std::vector<FoundTube>& tubes, HeightMap& map, const TrackerConfig& config) {
+  HiddenCells hidden;
+  for (FoundTube& tube : tubes) {
+    const SeenTube mine = seen(tube);
+    for (const FoundTube& other : tubes) {
+      if (&other != &tube) hide_from(&mine, seen(other), map, hidden);
+    }
+    const bool shares = std::any_of(tube.pixels.begin(), tube.pixels.end(),
+                                    [&](const PredictedPixel& pixel) { return map.depth_m[pixel.cell] < 0.0F; });
+    if (shares) fit_again(map, config, tube);
+    show_again(map, hidden);
+  }
+}
+
+/// Tries again the seeds that did not show a tube, without the pixels of the tubes found since.
+void try_again(const std::vector<Seed>& refused, std::vector<FoundTube>& tubes, HeightMap& map,
+               const TrackerConfig& config) {
+  HiddenCells hidden;
+  for (const Seed& seed : refused) {
+    for (const FoundTube& other : tubes) hide_from(nullptr, seen(other), map, hidden);
+    auto found = grow_tube(map, config, seed);
+    if (found && !why_no_tube(*found, config)) {
+      go_on_behind(map, config, *found);
+      if (take_place(tubes, *found)) tubes.push_back(std::move(*found));
+    }
+    show_again(map, hidden);
+  }
+}
+
 /// Withdraws the votes of every surfel on the tube.
 void withdraw_explained(AccumulationMap& votes, std::span<const Surfel> surfels, std::span<const CastVote> cast,
                         const FoundTube& tube, std::vector<bool>& withdrawn) {
@@ -95,7 +140,7 @@ double matching_cell_m(std::span<const Surfel> surfels, double focal_px) {
 }
 
 std::vector<FoundTube> find_tubes(AccumulationMap& votes, std::span<const Surfel> surfels,
-                                  std::span<const CastVote> cast, const HeightMap& map, const TrackerConfig& config,
+                                  std::span<const CastVote> cast, HeightMap& map, const TrackerConfig& config,
                                   int max_failures, std::vector<FailedPlace>& failed, StageTimes& times) {
   Stopwatch watch;
   std::vector<FoundTube> tubes;
@@ -103,6 +148,7 @@ std::vector<FoundTube> find_tubes(AccumulationMap& votes, std::span<const Surfel
   for (FailedPlace& place : failed) ++place.frames;
   std::erase_if(failed, [](const FailedPlace& place) { return place.frames >= 2 * place.rest_frames; });
   int failures = 0;
+  std::vector<Seed> refused;
   const std::vector<VoxelIndex> peaks = votes.peaks(kMinVotes, 1);
   watch.lap(times.trace_ms);
   for (const VoxelIndex& peak : peaks) {
@@ -120,10 +166,13 @@ std::vector<FoundTube> find_tubes(AccumulationMap& votes, std::span<const Surfel
     const Seed seed{center, axis_of(sum).direction, radius_m, smooth_part(trace, peak, radius_m)};
     watch.lap(times.trace_ms);
     auto found = grow_tube(map, config, seed);
-    const bool known = found && std::any_of(tubes.begin(), tubes.end(), [&](const FoundTube& tube) {
-                         return same_tube(found->model, found->extent, tube.model, tube.extent);
-                       });
-    if (!found || known || why_no_tube(*found, config)) {
+    if (found && why_no_tube(*found, config)) {
+      refused.push_back(seed);
+      found.reset();
+    }
+    if (found) go_on_behind(map, config, *found);
+    const bool known = found && !take_place(tubes, *found);
+    if (!found || known) {
       ++failures;
       put_to_rest(failed, trace, sum.votes, votes.cell_m());
       watch.lap(times.fit_ms);
@@ -133,6 +182,11 @@ std::vector<FoundTube> find_tubes(AccumulationMap& votes, std::span<const Surfel
     tubes.push_back(std::move(*found));
     watch.lap(times.fit_ms);
   }
+  if (tubes.size() > 1) part_neighbors(tubes, map, config);
+  const std::size_t found_at_once = tubes.size();
+  if (!tubes.empty()) try_again(refused, tubes, map, config);
+  if (tubes.size() != found_at_once) part_neighbors(tubes, map, config);
+  watch.lap(times.fit_ms);
   for (std::size_t i = 0; i < cast.size(); ++i) {
     if (withdrawn[i]) votes.add(cast[i].record);
   }

@@ -7,9 +7,14 @@
 #include <cmath>
 #include <numbers>
 
+#include "shape_sums.hpp"
+
 namespace tubetrack {
 
 namespace {
+
+constexpr int kHiddenSpans = 12;           // behind something nearer a tube may go on so far
+constexpr double kWholeSection_rad = 2.4;  // of the 150° that are judged
 
 double spacing_m(const Spline& spline) {
   return (spline.control_m[2] - spline.control_m[1]).norm();
@@ -34,13 +39,18 @@ void cut_at_kinks(const TubeModel& model, Extent& extent) {
   }
 }
 
-/// Cuts off what of the spline is not confirmed and goes straight on instead, one to two spans beyond: a bend that the
-/// fit carried past the confirmed part must not hide where the tube goes on.
-void reach_beyond(Spline& spline, const Extent& extent) {
+/// Cuts off what of the spline is not confirmed.
+void cut_to(Spline& spline, const Extent& extent) {
   auto& q = spline.control_m;
   const double back_spare = spline.spans() - extent.t_end;
   for (int i = 0; i <= static_cast<int>(back_spare) && q.size() > 5; ++i) q.pop_back();
   for (int i = 0; i <= static_cast<int>(extent.t_begin) && q.size() > 5; ++i) q.erase(q.begin());
+}
+
+/// Goes straight on beyond what is confirmed, one to two spans: a bend that the fit carried past the confirmed part
+/// must not hide where the tube goes on.
+void reach_beyond(Spline& spline, const Extent& extent) {
+  cut_to(spline, extent);
   extend(spline, true, true);
   extend(spline, true, true);
 }
@@ -92,12 +102,13 @@ std::optional<FoundTube> fit_seed(const HeightMap& map, const TrackerConfig& con
   return found;
 }
 
-/// Pixels and stations of the present model, and how far along it the image confirms it.
-std::vector<Station> look(const HeightMap& map, const TrackerConfig& config, int stride, FoundTube& found) {
+/// Pixels and stations of the present model, and how far along it the image confirms it, across gaps so wide.
+std::vector<Station> look(const HeightMap& map, const TrackerConfig& config, int stride, double max_gap_radii,
+                          FoundTube& found) {
   predict_pixels(map, config.noise, found.model, stride, found.pixels);
   const double station_m = stride * station_length_m(map, found.model);
   auto stations = stations_of(map, found.model, found.pixels, station_m);
-  found.extent = seen_extent(stations, station_m, 4.0 * found.model.radius_m);
+  found.extent = seen_extent(stations, station_m, max_gap_radii * found.model.radius_m);
   cut_at_kinks(found.model, found.extent);
   return stations;
 }
@@ -147,6 +158,8 @@ bool hopeless(const FoundTube& found, const TrackerConfig& config) {
 struct Rounds {
   int before_settled = 4;
   int at_most = 40;
+  double max_gap_radii = 4.0;  ///< hidden stretches that it may cross
+  double suppleness = 1.0;
 };
 
 /// Looks how far the image confirms the tube, fits to that part alone, lengthens or shortens it, until it stays. What
@@ -161,7 +174,7 @@ std::optional<FoundTube> grow_until_settled(const HeightMap& map, const TrackerC
   options.radius_min_m = 0.5 * config.radius_min_m;
   options.radius_max_m = 1.5 * config.radius_max_m;
   std::vector<Station> stations;
-  look(map, config, stride, found);
+  look(map, config, stride, rounds.max_gap_radii, found);
   double length_before_m = 0.0;
   int swings = 0;
   for (int round = 0; round < rounds.at_most; ++round) {
@@ -173,11 +186,11 @@ std::optional<FoundTube> grow_until_settled(const HeightMap& map, const TrackerC
     });
     // A short piece can't tell a bend from what lies beside it.
     const double confirmed_m = (found.extent.t_end - found.extent.t_begin) * spacing_m(found.model.spline);
-    options.suppleness = confirmed_m < 4.0 * found.model.radius_m ? 0.05 : 1.0;
+    options.suppleness = confirmed_m < 4.0 * found.model.radius_m ? 0.05 : rounds.suppleness;
     auto quality = fit_tube(found.model, observations, options);
     if (!quality) return std::nullopt;
     found.quality = std::move(*quality);
-    stations = look(map, config, stride, found);
+    stations = look(map, config, stride, rounds.max_gap_radii, found);
     const double length_m = (found.extent.t_end - found.extent.t_begin) * spacing_m(found.model.spline);
     const bool settled = std::abs(length_m - length_before_m) < 0.1 * found.model.radius_m;
     if (round > 3 && length_m < length_before_m - found.model.radius_m && ++swings == kMaxSwings) return std::nullopt;
@@ -185,7 +198,7 @@ std::optional<FoundTube> grow_until_settled(const HeightMap& map, const TrackerC
     length_before_m = length_m;
     reach_beyond(found.model.spline, found.extent);
     if (spacing_m(found.model.spline) < 1e-4) return std::nullopt;
-    look(map, config, stride, found);
+    look(map, config, stride, rounds.max_gap_radii, found);
   }
   if (found.extent.t_end <= found.extent.t_begin) return std::nullopt;
   found.evidence = surface_evidence(map, config.noise, found.model, found.pixels, stations, found.extent);
@@ -256,12 +269,52 @@ std::optional<FoundTube> grow_tube(const HeightMap& map, const TrackerConfig& co
   return found;
 }
 
+void go_on_behind(const HeightMap& map, const TrackerConfig& config, FoundTube& tube) {
+  TubeModel longer = tube.model;
+  cut_to(longer.spline, tube.extent);
+  for (int i = 0; i < kHiddenSpans; ++i) extend(longer.spline, true, true);
+  constexpr double kGapRadii = kHiddenSpans * kKnotSpacingRadii;
+  FoundTube ahead;
+  ahead.model = longer;
+  look(map, config, 1, kGapRadii, ahead);
+  const double gain_m = arc_length_m(longer.spline, ahead.extent.t_begin, ahead.extent.t_end) - tube.evidence.length_m;
+  if (gain_m < 0.5 * tube.model.radius_m) return;
+  TrackerConfig held = config;
+  if (tube.held_radius_m) held.radius_m = tube.held_radius_m;
+  // Held straight until it is known how far it goes, or the first few pixels beyond bend it.
+  for (const double suppleness : {0.1, 1.0}) {
+    const Rounds rounds{1, 8, kGapRadii, suppleness};
+    auto whole = grow_until_settled(map, held, std::move(longer), 1, rounds);
+    if (!whole || whole->evidence.length_m < tube.evidence.length_m + 0.5 * tube.model.radius_m) return;
+    if (whole->evidence.noise_ratio > 1.25 * tube.evidence.noise_ratio) return;
+    look_beside(map, config.noise, whole->model, whole->extent, whole->evidence);
+    if (why_no_tube(*whole, config)) return;
+    longer = whole->model;
+    whole->held_radius_m = tube.held_radius_m;
+    if (suppleness == 1.0) tube = std::move(*whole);
+  }
+}
+
+void fit_again(const HeightMap& map, const TrackerConfig& config, FoundTube& tube) {
+  TrackerConfig held = config;
+  if (tube.held_radius_m) held.radius_m = tube.held_radius_m;
+  auto again = grow_until_settled(map, held, tube.model, 1, {2, 4, kHiddenSpans * kKnotSpacingRadii, 1.0});
+  if (!again || again->evidence.length_m < 0.8 * tube.evidence.length_m) return;
+  look_beside(map, config.noise, again->model, again->extent, again->evidence);
+  if (why_no_tube(*again, config)) return;
+  again->held_radius_m = tube.held_radius_m;
+  tube = std::move(*again);
+}
+
 std::optional<std::string> why_no_tube(const FoundTube& found, const TrackerConfig& config) {
   const Evidence& e = found.evidence;
   if (auto reason = why_no_surface(found, config)) return reason;
   if (!e.turns_away()) return "the surface goes on beyond both sides";
+  // Two planes that meet turn by 90° or so: what is round over nearly all that faces the camera is no edge between
+  // them, and what lies beside it are neighbours that it touches.
+  const bool round = e.arc_rad > kWholeSection_rad && e.profile_rms_radii < 0.02;
   const double straight = std::max(e.left.straight_share, e.right.straight_share);
-  if (e.edge_share > 0.45 || straight > 0.6) return "goes straight on beyond a side";
+  if (!round && (e.edge_share > 0.45 || straight > 0.6)) return "goes straight on beyond a side";
   return std::nullopt;
 }
 

@@ -49,6 +49,10 @@ std::vector<Station> stations_of(const HeightMap& map, const TubeModel& model,
     Station& station = stations[static_cast<std::size_t>(at)];
     ++station.expected;
     const float measured = map.depth_m[pixel.cell];
+    if (measured < 0.0F) {  // taken out, see hide.hpp
+      ++station.before;
+      ++station.anothers;
+    }
     if (measured <= 0.0F) continue;
     const double off = measured - pixel.depth_m;
     const double allowed = agreement_m(model, pixel);

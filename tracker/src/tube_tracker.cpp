@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "hide.hpp"
 #include "stopwatch.hpp"
 #include "tube_result.hpp"
 #include "tubetrack/heightmap/normals.hpp"
@@ -115,7 +116,13 @@ void TubeTracker::follow_known(const DepthFrame& frame) {
     for (FailedPlace& place : s.failed) place.position_m = new_from_old * place.position_m;
   }
   s.world_from_camera = frame.world_from_camera;
-  for (FollowedTube& tube : s.known.tubes) follow_tube(tube, s.map, s.config, frame.timestamp_s, elapsed_s);
+  HiddenCells hidden;
+  for (FollowedTube& tube : s.known.tubes) {
+    const SeenTube mine = seen(tube);
+    hide_others(s.known.tubes, &tube, &mine, s.map, hidden);
+    follow_tube(tube, s.map, s.config, frame.timestamp_s, elapsed_s);
+    show_again(s.map, hidden);
+  }
   drop_doubles(s.known);
   confirm_or_forget(s.known, s.map, s.config);
   forget_old(s.known, frame.timestamp_s);
@@ -161,10 +168,13 @@ const TubeFrame& TubeTracker::track(const DepthFrame& frame) {
   recast(s.votes, s.cast, surfels);  // algorithm 1
   stage.lap(stages.accumulate_ms);
 
+  HiddenCells hidden;
+  hide_others(s.known.tubes, nullptr, nullptr, s.map, hidden);
   const int max_failures = s.known.first_frame ? kFailuresAtFirst : kFailuresLater;
   auto found = find_tubes(s.votes, surfels, s.cast, s.map, s.config, max_failures, s.failed,
                           stages);  // algorithm 2, section 2.3
   stage = {};
+  show_again(s.map, hidden);
   take_in(s.known, std::move(found), s.map, s.config, frame.timestamp_s);
   stage.lap(stages.fit_ms);
   report_known();

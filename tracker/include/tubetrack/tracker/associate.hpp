@@ -16,13 +16,14 @@ struct KnownTubes {
 
 /// Takes in what was found where no known tube explains the image: a known tube that was out of sight and is back (the
 /// same radius, nearest to where it was last seen), another piece of one that is in sight (both are joined), or a new
-/// tube. A new tube gets the next id.
-void take_in(KnownTubes& known, std::vector<FoundTube> found, const HeightMap& map, const TrackerConfig& config,
+/// tube. A new tube gets the next id. Here and below `map` is as before in the end: while one tube is looked at, the
+/// readings of the others are taken out.
+void take_in(KnownTubes& known, std::vector<FoundTube> found, HeightMap& map, const TrackerConfig& config,
              double timestamp_s);
 
 /// Asks again whether the tubes in sight are tubes, in their first frames and now and then later: forgets those that
 /// are denied, which only looked like a tube in the noise of one frame, and confirms those that two frames bear out.
-void confirm_or_forget(KnownTubes& known, const HeightMap& map, const TrackerConfig& config);
+void confirm_or_forget(KnownTubes& known, HeightMap& map, const TrackerConfig& config);
 
 /// Forgets what has not been seen for too long: 1 s where it should be in view, 3 s where something hides it.
 void forget_old(KnownTubes& known, double timestamp_s);

@@ -32,6 +32,14 @@ struct Seed {
 /// shorten it, fit again. Empty where the image shows no tube there.
 std::optional<FoundTube> grow_tube(const HeightMap& map, const TrackerConfig& config, const Seed& seed);
 
+/// Goes on straight behind what is nearer and hides an end of the tube (or a stretch of up to 15 radii), and takes in
+/// what is seen of it beyond; leaves a tube that nothing more is seen of as it is.
+void go_on_behind(const HeightMap& map, const TrackerConfig& config, FoundTube& tube);
+
+/// Fits and judges a tube again in a map that has changed. Leaves one as it is that is no tube there, or is much
+/// shorter.
+void fit_again(const HeightMap& map, const TrackerConfig& config, FoundTube& tube);
+
 /// DESIGN §2, "A tube": long, wide and round enough, confirmed by the image, convex. The reason when it is none.
 std::optional<std::string> why_no_tube(const FoundTube& found, const TrackerConfig& config);
 

@@ -13,11 +13,16 @@ struct Station {
   int expected = 0;       ///< pixels that should see it (incidence below 75°)
   int agree = 0;          ///< reading where the tube should be
   int before = 0;         ///< something nearer hides it
+  int anothers = 0;       ///< of those: they see another known tube, which hides it
   int behind = 0;         ///< the camera looks through where the tube should be
   double flatness = 0.0;  ///< how much flatter than the circle the surface around is: 0 the circle, 1 a plane
 
   bool round() const { return std::abs(flatness) < 0.45; }
-  bool seen() const { return expected > 0 && 2 * agree >= expected && round(); }
+  /// Where another tube has most of it, what is left says too little.
+  bool seen() const {
+    const int own = expected - anothers;
+    return 3 * own > expected && 2 * agree >= own && round();
+  }
   bool refuted() const { return 3 * behind > expected; }
 };
 

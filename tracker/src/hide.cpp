@@ -1,0 +1,87 @@
+#include "hide.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+#include "shape_sums.hpp"
+
+namespace tubetrack {
+
+namespace {
+
+void take_out(HeightMap& map, std::size_t cell, HiddenCells& hidden) {
+  if (map.depth_m[cell] <= 0.0F) return;
+  map.depth_m[cell] = -map.depth_m[cell];
+  hidden.push_back(static_cast<std::uint32_t>(cell));
+}
+
+/// At a silhouette the sensor's lateral jitter mixes what is in front with what is behind.
+void take_out_around(HeightMap& map, std::uint32_t cell, HiddenCells& hidden) {
+  constexpr int kReach_px = 1;
+  const int width = map.intrinsics.width;
+  const int u = static_cast<int>(cell) % width;
+  const int v = static_cast<int>(cell) / width;
+  for (int row = std::max(0, v - kReach_px); row <= std::min(map.intrinsics.height - 1, v + kReach_px); ++row) {
+    for (int col = std::max(0, u - kReach_px); col <= std::min(width - 1, u + kReach_px); ++col) {
+      take_out(map, map.cell(col, row), hidden);
+    }
+  }
+}
+
+/// An end of the extent, and the direction out of it.
+struct End {
+  Eigen::Vector3d at_m, out;
+};
+std::array<End, 2> ends_of(const FollowedTube& tube) {
+  const Spline& spline = tube.model.spline;
+  return {End{point_at(spline, tube.extent.t_begin), -derivative_at(spline, tube.extent.t_begin).normalized()},
+          End{point_at(spline, tube.extent.t_end), derivative_at(spline, tube.extent.t_end).normalized()}};
+}
+
+/// May they be two pieces of one tube: does the end of one point along the other?
+bool in_one_line(const FollowedTube& a, const FollowedTube& b) {
+  for (const End& from : ends_of(a)) {
+    for (const End& to : ends_of(b)) {
+      const Eigen::Vector3d way = to.at_m - from.at_m;
+      const double aside_m = (way - way.dot(from.out) * from.out).norm();
+      if (aside_m < 0.7 * a.model.radius_m && from.out.dot(to.out) < -0.9) return true;
+    }
+  }
+  return false;
+}
+
+}  // namespace
+
+void hide_from(const SeenTube* mine, const SeenTube& other, HeightMap& map, HiddenCells& hidden) {
+  const std::span<const PredictedPixel> own =
+      mine ? std::span<const PredictedPixel>(mine->pixels) : std::span<const PredictedPixel>();
+  auto at = own.begin();
+  for (const PredictedPixel& pixel : other.pixels) {
+    const float depth_m = map.depth_m[pixel.cell];
+    if (depth_m <= 0.0F || pixel.t < other.extent.t_begin || pixel.t > other.extent.t_end) continue;
+    if (std::abs(depth_m - pixel.depth_m) > agreement_m(other.model, pixel)) continue;
+    while (at != own.end() && at->cell < pixel.cell) ++at;
+    const bool in_front = at != own.end() && at->cell == pixel.cell && at->depth_m <= pixel.depth_m &&
+                          at->t >= mine->extent.t_begin && at->t <= mine->extent.t_end;
+    if (in_front) continue;
+    take_out(map, pixel.cell, hidden);
+    if (pixel.margin_px < 1.0F) take_out_around(map, pixel.cell, hidden);
+  }
+}
+
+void hide_others(std::span<const FollowedTube> tubes, const FollowedTube* self, const SeenTube* mine, HeightMap& map,
+                 HiddenCells& hidden) {
+  for (const FollowedTube& other : tubes) {
+    if (&other == self || other.state != TubeState::tracked) continue;
+    if (self && ((self->confirmed && !other.confirmed) || in_one_line(*self, other))) continue;
+    hide_from(mine, seen(other), map, hidden);
+  }
+}
+
+void show_again(HeightMap& map, HiddenCells& hidden) {
+  for (const std::uint32_t cell : hidden) map.depth_m[cell] = -map.depth_m[cell];
+  hidden.clear();
+}
+
+}  // namespace tubetrack

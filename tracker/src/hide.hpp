@@ -1,0 +1,40 @@
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "tubetrack/tracker/follow.hpp"
+
+namespace tubetrack {
+
+/// Cells whose reading was taken out of the map for a time: there its sign is turned.
+using HiddenCells = std::vector<std::uint32_t>;
+
+/// A tube, the extent it is seen along, and its pixels in cell order.
+struct SeenTube {
+  const TubeModel& model;
+  const Extent& extent;
+  const std::vector<PredictedPixel>& pixels;
+};
+inline SeenTube seen(const FoundTube& tube) {
+  return {tube.model, tube.extent, tube.pixels};
+}
+inline SeenTube seen(const FollowedTube& tube) {
+  return {tube.model, tube.extent, tube.pixels};
+}
+
+/// For a look at one tube: takes out of the map what is another's, the readings that agree with it, so that they
+/// neither pull at the one's fit nor speak for or against it. What both could have belongs to the one in front; `mine`
+/// may be null where it is not known yet. Appends to `hidden`, in which `show_again` finds what to put back.
+void hide_from(const SeenTube* mine, const SeenTube& other, HeightMap& map, HiddenCells& hidden);
+
+/// The same for all that are in sight, from one of them or (`self` null) from a new one. Where
+/// one runs on into the other nothing is hidden, nor by what is not confirmed from what is: they may be pieces of one.
+void hide_others(std::span<const FollowedTube> tubes, const FollowedTube* self, const SeenTube* mine, HeightMap& map,
+                 HiddenCells& hidden);
+
+/// Puts back all that was hidden.
+void show_again(HeightMap& map, HiddenCells& hidden);
+
+}  // namespace tubetrack
