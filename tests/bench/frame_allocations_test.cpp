@@ -35,10 +35,10 @@ std::vector<double> allocations_a_frame(const SpeedScene& speed) {
 
 // The goal of both is 0: no allocation in a frame after the warm-up. What stands here is what is true today, to be
 // brought down.
-constexpr double kMedianStill = 560.0;
-constexpr double kMostStill = 970.0;
-constexpr double kMedianMoving = 630.0;
-constexpr double kMostMoving = 1460.0;
+constexpr double kMedianStill = 400.0;
+constexpr double kMostStill = 800.0;
+constexpr double kMedianMoving = 490.0;
+constexpr double kMostMoving = 960.0;
 
 TEST(FrameAllocations, OfAStillSceneDoNotGrow) {
   const std::vector<double> counts = allocations_a_frame(still_scene());
