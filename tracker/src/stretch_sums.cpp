@@ -227,7 +227,8 @@ Sorted sort_by_stretch(std::span<const Observation> observations, std::size_t st
   for (const Observation& observation : observations) {
     const std::size_t k = stretch_of(observation.t);
     const std::size_t n = count[k]++;
-    const double s = std::clamp(observation.t, 0.0, spans) - static_cast<double>(k / kStretchesPerSpan);
+    const std::size_t span = k / kStretchesPerSpan;
+    const double s = std::clamp(observation.t, 0.0, spans) - static_cast<double>(span);
     ObservationBlock& block = sorted.blocks[sorted.first[k] + n / kPartials];
     put(observation, s, 1.0 / (observation.sigma_m * observation.sigma_m), n % kPartials, block);
     if (n % kPartials != 0) continue;
