@@ -136,11 +136,11 @@ INSTANTIATE_TEST_SUITE_P(Synthetic, Preset,
 TEST(SyntheticPile, IsFoundButForTheTubeUnderTheOthers) {
   const View view{"pile", 0, 0.0};
   const TubeScore exact = without_noise(view);
-  EXPECT_GE(exact.coverage(), 0.962);
-  EXPECT_LE(exact.rms_m(), 0.0005);
-  EXPECT_LE(exact.false_length(), 0.01);
-  EXPECT_LE(exact.radius_error_median(), 0.01);
-  EXPECT_LE(*std::ranges::max_element(exact.radius_errors), 0.0265);
+  EXPECT_GE(exact.coverage(), 0.966);
+  EXPECT_LE(exact.rms_m(), 0.0003);
+  EXPECT_EQ(exact.false_length(), 0.0);
+  EXPECT_LE(exact.radius_error_median(), 0.008);
+  EXPECT_LE(*std::ranges::max_element(exact.radius_errors), 0.0215);
   const TubeScore noisy = with_noise(view, false);
   EXPECT_GE(noisy.coverage(), 0.96);
   EXPECT_LE(noisy.radius_error_median(), 0.012);
