@@ -200,6 +200,30 @@ void take_in(KnownTubes& known, std::vector<FoundTube> found, HeightMap& map, co
   known.first_frame = false;
 }
 
+void join_known(KnownTubes& known, HeightMap& map, const TrackerConfig& config, double timestamp_s) {
+  HiddenCells hidden;
+  for (std::size_t i = 0; i < known.tubes.size(); ++i) {
+    for (std::size_t j = i + 1; j < known.tubes.size(); ++j) {
+      FollowedTube& tube = known.tubes[i];
+      const FollowedTube& other = known.tubes[j];
+      const bool now = other.frames_followed % kFramesBetweenTrials == kFramesBetweenTrials / 2;
+      const bool in_sight = tube.state == TubeState::tracked && other.state == TubeState::tracked;
+      if (!now || !in_sight || !in_one_line(tube, other)) continue;
+      for (const FollowedTube& third : known.tubes) {
+        if (&third != &tube && &third != &other && third.state == TubeState::tracked)
+          hide_from(nullptr, seen(third), map, hidden);
+      }
+      auto joined = join_pieces(map, config, as_found(tube, map, config), as_found(other, map, config));
+      if (joined) {
+        tube.confirmed = tube.confirmed || other.confirmed;
+        go_on_from(tube, std::move(*joined), map, config, timestamp_s);
+        known.tubes.erase(known.tubes.begin() + static_cast<std::ptrdiff_t>(j--));
+      }
+      show_again(map, hidden);
+    }
+  }
+}
+
 void confirm_or_forget(KnownTubes& known, HeightMap& map, const TrackerConfig& config) {
   HiddenCells hidden;
   for (FollowedTube& tube : known.tubes) {

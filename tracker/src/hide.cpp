@@ -39,7 +39,8 @@ std::array<End, 2> ends_of(const FollowedTube& tube) {
           End{point_at(spline, tube.extent.t_end), derivative_at(spline, tube.extent.t_end).normalized()}};
 }
 
-/// May they be two pieces of one tube: does the end of one point along the other?
+}  // namespace
+
 bool in_one_line(const FollowedTube& a, const FollowedTube& b) {
   for (const End& from : ends_of(a)) {
     for (const End& to : ends_of(b)) {
@@ -50,8 +51,6 @@ bool in_one_line(const FollowedTube& a, const FollowedTube& b) {
   }
   return false;
 }
-
-}  // namespace
 
 void hide_from(const SeenTube* mine, const SeenTube& other, HeightMap& map, HiddenCells& hidden) {
   const std::span<const PredictedPixel> own =

@@ -24,6 +24,9 @@ inline SeenTube seen(const FollowedTube& tube) {
   return {tube.model, tube.extent, tube.pixels};
 }
 
+/// May they be two pieces of one tube: does the end of one point along the other?
+bool in_one_line(const FollowedTube& a, const FollowedTube& b);
+
 /// For a look at one tube: takes out of the map what is another's, the readings that agree with it, so that they
 /// neither pull at the one's fit nor speak for or against it. What both could have belongs to the one in front; `mine`
 /// may be null where it is not known yet. Appends to `hidden`, in which `show_again` finds what to put back.

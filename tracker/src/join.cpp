@@ -10,6 +10,7 @@ namespace {
 
 constexpr double kMaxGapRadii = 16.0;
 constexpr double kCos35 = 0.82;
+constexpr int kMaxOverlap = 4;  // points, about a radius apart
 
 /// Points along the extent of a model, about a radius apart.
 std::vector<Eigen::Vector3d> line_of(const FoundTube& tube, bool backwards) {
@@ -30,10 +31,14 @@ std::vector<Eigen::Vector3d> one_line(const FoundTube& a, const FoundTube& b) {
   for (const bool a_backwards : {false, true}) {
     for (const bool b_backwards : {false, true}) {
       std::vector<Eigen::Vector3d> first = line_of(a, a_backwards);
-      const std::vector<Eigen::Vector3d> second = line_of(b, b_backwards);
-      const Eigen::Vector3d gap = second.front() - first.back();
+      std::vector<Eigen::Vector3d> second = line_of(b, b_backwards);
       // The last points of a piece carry the noise of its end: the direction is that of its last two radii.
       const Eigen::Vector3d out = (first.back() - first[first.size() - 3]).normalized();
+      // Either may have been followed a little way into the other.
+      for (int i = 0; i < kMaxOverlap && second.size() > 3 && (second.front() - first.back()).dot(out) <= 0.0; ++i) {
+        second.erase(second.begin());
+      }
+      const Eigen::Vector3d gap = second.front() - first.back();
       const Eigen::Vector3d in = (second[2] - second.front()).normalized();
       const double length = gap.norm();
       const bool smooth =

@@ -124,6 +124,7 @@ void TubeTracker::follow_known(const DepthFrame& frame) {
     show_again(s.map, hidden);
   }
   drop_doubles(s.known);
+  join_known(s.known, s.map, s.config, frame.timestamp_s);
   confirm_or_forget(s.known, s.map, s.config);
   forget_old(s.known, frame.timestamp_s);
   std::fill(s.explained.begin(), s.explained.end(), std::uint8_t{0});

@@ -21,6 +21,10 @@ struct KnownTubes {
 void take_in(KnownTubes& known, std::vector<FoundTube> found, HeightMap& map, const TrackerConfig& config,
              double timestamp_s);
 
+/// Asks now and then of tubes in sight that run on into each other whether they are one: then the one known longer goes
+/// on, and the other's id is given up.
+void join_known(KnownTubes& known, HeightMap& map, const TrackerConfig& config, double timestamp_s);
+
 /// Asks again whether the tubes in sight are tubes, in their first frames and now and then later: forgets those that
 /// are denied, which only looked like a tube in the noise of one frame, and confirms those that two frames bear out.
 void confirm_or_forget(KnownTubes& known, HeightMap& map, const TrackerConfig& config);
