@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <optional>
+#include <utility>
 
 #include "followed_extent.hpp"
 #include "motion.hpp"
@@ -87,9 +88,10 @@ bool judge_motion(FollowedTube& tube, const HeightMap& map, const TrackerConfig&
 void judge_rest(FollowedTube& tube, const HeightMap& map, const TrackerConfig& config) {
   if (++tube.frames_pooled < kFramesToComeToRest) return;
   tube.frames_pooled = 0;
-  FollowedTube before = tube;
-  predict(before, map, config, tube.anchor);
-  const auto back = place(before, map, config, tube.anchor, 0.5);
+  auto pixels = std::exchange(tube.pixels, {});
+  predict(tube, map, config, tube.anchor);
+  const auto back = place(tube, map, config, tube.anchor, 0.5);
+  tube.pixels = std::move(pixels);
   if (back && motion_chi2(tube.anchor, *back, tube.quality.observed.matrix) < kRestChi2) {
     start_pool(tube);
     add_to_pool(tube);
