@@ -3,7 +3,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "bend_errors.hpp"
+#include "tubetrack/report/bend_errors.hpp"
 #include "tubetrack/report/calibration.hpp"
 #include "tubetrack/report/cramer_rao.hpp"
 #include "tubetrack/report/score.hpp"
@@ -30,7 +30,6 @@ void add(Figures& sum, const Figures& part);
 
 /// A quantile of a copy, 0 ≤ part ≤ 1; NaN of nothing.
 double quantile(std::vector<double> values, double part);
-double median(std::vector<double> values);
 double mean(const std::vector<double>& values);
 double root_mean_square(const std::vector<double>& values);
 StageTimes median_stages(const std::vector<StageTimes>& stages);

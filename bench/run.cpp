@@ -93,7 +93,7 @@ void add_bounds(const Shot& shot, Figures& figures) {
 }
 
 /// Everything about one frame but its score, which may need the frames before it.
-Figures frame_figures(const Scene& scene, const Shot& shot, const TubeFrame& result, double took_ms) {
+Figures frame_figures(const Shot& shot, const TubeFrame& result, double took_ms) {
   Figures figures;
   figures.frames = 1;
   figures.reported_tubes = static_cast<std::int64_t>(result.tubes.size());
@@ -101,7 +101,7 @@ Figures frame_figures(const Scene& scene, const Shot& shot, const TubeFrame& res
   figures.stages = {result.stages};
   add_frame(figures.calibration, shot.rendered.truth, result, shot.camera_from_truth, {});
   add_bounds(shot, figures);
-  figures.bends = bend_errors(scene.tubes, shot.rendered.truth, result);
+  figures.bends = bend_errors(shot.rendered.truth, result);
   return figures;
 }
 
@@ -129,7 +129,7 @@ void run_single(const SuiteScene& suite, const std::vector<Method>& methods, con
     const Detector detector = methods[i].start(suite.scene.camera);
     double took_ms = 0.0;
     const TubeFrame result = timed(detector, depth_frame(shot.rendered), took_ms);
-    Figures figures = frame_figures(suite.scene, shot, result, took_ms);
+    Figures figures = frame_figures(shot, result, took_ms);
     figures.score = score_of({shot.rendered.truth}, {result}, 0);
     add(out[i].single, figures);
   }
@@ -150,7 +150,7 @@ void run_sequence(const SuiteScene& suite, const std::vector<Method>& methods, c
       if (!detectors[i]) continue;
       double took_ms = 0.0;
       results[i].push_back(timed(detectors[i], depth_frame(shot.rendered), took_ms));
-      const Figures figures = frame_figures(suite.scene, shot, results[i].back(), took_ms);
+      const Figures figures = frame_figures(shot, results[i].back(), took_ms);
       add(out[i].sequence, figures);
       if (frame == last) add(out[i].last, figures);
     }
@@ -196,7 +196,9 @@ void in_parallel(int jobs, std::size_t count, const std::function<void(std::size
 
 Method tubetrack_method() {
   return {"tubetrack", [](const Intrinsics& camera) -> Detector {
-            auto created = TubeTracker::create({}, camera);
+            TrackerConfig config;
+            config.noise = DepthNoise{}.sensor;
+            auto created = TubeTracker::create(config, camera);
             if (!created) throw std::runtime_error(created.error().message);
             const auto tracker = std::make_shared<TubeTracker>(std::move(*created));
             return [tracker](const DepthFrame& frame) { return tracker->track(frame); };

@@ -1,10 +1,7 @@
 #include <fmt/format.h>
 
-#include <cerrno>
 #include <chrono>
-#include <cstring>
 #include <filesystem>
-#include <fstream>
 #include <memory>
 
 #include "commands.hpp"
@@ -67,13 +64,10 @@ Expected<void> write_model(const NoiseModel& model, const std::string& path) {
     fmt::print("{}", noise_model_text(model));
     return {};
   }
-  std::ofstream file(path);
-  if (!file) {
+  if (auto written = write_noise_model(model, path); !written) {
     return tl::make_unexpected(
-        Error::usage(fmt::format("--out {}: {}; give a file in an existing folder", path, std::strerror(errno))));
+        Error::usage(fmt::format("--out {}; give a file in an existing folder", written.error().message)));
   }
-  file << noise_model_text(model) << std::flush;
-  if (!file) return tl::make_unexpected(Error::failed(fmt::format("{}: {}", path, std::strerror(errno))));
   return {};
 }
 

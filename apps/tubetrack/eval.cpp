@@ -18,7 +18,7 @@ constexpr const char* kFooter =
     R"(The score, for each true tube and for all: coverage (visible centreline that was found), RMS (distance of the reported
 line to the true one), false length (reported line that is no tube), radius error (median), how much of the truth is in
 the reported 95 % interval, IDF1 and identity switches (the true tube got another id) and transfers (the id went to
-another true tube).
+another true tube). Where tubes have bends: how many tables have as many, and how far these are off.
 
 RECORDING needs its truth.jsonl beside it, as `tubetrack synth` writes it. Without TUBES.jsonl the recording is tracked
 now, with the flags of `tubetrack replay`.
@@ -39,7 +39,7 @@ struct EvalOptions {
 
 /// Tracks the whole recording; ends early on Ctrl-C.
 Expected<std::vector<TubeFrame>> track_recording(const EvalOptions& options, const RecordingOptions& reading) {
-  auto config = tracker_config_from(options.track);
+  auto config = config_for_recording(options.track, options.recording);
   if (!config) return tl::make_unexpected(config.error());
   auto recording = open_recording(options.recording, reading);
   if (!recording) return tl::make_unexpected(recording.error());

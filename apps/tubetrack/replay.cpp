@@ -30,7 +30,7 @@ struct ReplayOptions {
 };
 
 Expected<int> replay(const ReplayOptions& options) {
-  auto config = tracker_config_from(options.track);
+  auto config = config_for_recording(options.track, options.recording);
   if (!config) return tl::make_unexpected(config.error());
   if (options.track.print_config) {
     fmt::print("{}", config_text(*config));

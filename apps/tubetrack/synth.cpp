@@ -1,6 +1,7 @@
 #include <fmt/format.h>
 
 #include <cstdint>
+#include <filesystem>
 #include <memory>
 #include <optional>
 #include <string>
@@ -8,6 +9,7 @@
 #include "commands.hpp"
 #include "run.hpp"
 #include "tubetrack/replay/render.hpp"
+#include "tubetrack/report/config.hpp"
 
 namespace tubetrack {
 
@@ -56,9 +58,10 @@ int run_synth(const SynthOptions& options) {
   if (scene->frames < 1 || scene->frames > 1000000) {
     return report_error(Error::usage(fmt::format("--frames: got {}, takes 1 to 1000000", scene->frames)));
   }
-  if (auto written = write_synthetic_recording(*scene, noise_from(options), options.path); !written) {
-    return report_error(written.error());
-  }
+  const DepthNoise noise = noise_from(options);
+  auto written = write_synthetic_recording(*scene, noise, options.path);
+  if (written) written = write_noise_model(noise.sensor, std::filesystem::path(options.path) / "noise.json");
+  if (!written) return report_error(written.error());
   fmt::print("{}: {}, {} x {} pixels, frames {}, tubes {}, seed {}{}\n", options.path, scene->name, scene->camera.width,
              scene->camera.height, scene->frames, scene->tubes.size(), scene->seed,
              options.no_noise ? ", no noise" : "");

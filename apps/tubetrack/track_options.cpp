@@ -142,7 +142,7 @@ void add_tracker_flags(CLI::App& command, TrackOptions& options) {
   command.add_option("--roi", options.roi, "look only at this part of the image, in pixels")->type_name("U,V,W,H");
   command
       .add_option("--noise", options.noise,
-                  "the sensor's noise: kinect1, stereo, tof, or a file of `tubetrack calibrate-noise`")
+                  "the sensor's noise: kinect1, stereo, tof, synthetic, or a file of `tubetrack calibrate-noise`")
       ->type_name("NAME|FILE");
   command.add_option("--map", options.map, "the height map's grid: image (the depth pixels)")->type_name("image");
   command.add_option("--threads", options.threads, "threads to track with; results do not depend on it")
@@ -164,7 +164,7 @@ Expected<NoiseModel> noise_model_from(const std::string& flag) {
   if (auto named = noise_model_by_name(flag)) return named;
   std::error_code ignored;
   if (flag.find_first_of("./") == std::string::npos && !std::filesystem::exists(flag, ignored)) {
-    return malformed("--noise", flag, "kinect1, stereo, tof or a JSON file");
+    return malformed("--noise", flag, "kinect1, stereo, tof, synthetic or a JSON file");
   }
   auto read = read_noise_model(flag);
   if (!read) return tl::make_unexpected(Error::usage("--noise " + read.error().message));
@@ -184,6 +184,22 @@ Expected<TrackerConfig> tracker_config_from(const TrackOptions& options, const T
   if (auto valid = validate(config); !valid) {
     return tl::make_unexpected(Error::usage(with_flag_name(options, valid.error().message)));
   }
+  return config;
+}
+
+Expected<TrackerConfig> config_for_recording(const TrackOptions& options, const std::string& recording) {
+  const std::filesystem::path file = std::filesystem::path(recording) / "noise.json";
+  std::error_code ignored;
+  if (recording.empty() || !options.noise.empty() || !std::filesystem::exists(file, ignored))
+    return tracker_config_from(options);
+  auto own = read_noise_model(file);
+  if (!own) return tl::make_unexpected(own.error());
+  TrackerConfig defaults;
+  defaults.noise = std::move(*own);
+  auto config = tracker_config_from(options, defaults);
+  if (config && !options.quiet)
+    fmt::print(stderr, "note: noise model {} ({})\n", config->noise.name,
+               options.config.empty() ? file.string() : "by --config and the recording");
   return config;
 }
 

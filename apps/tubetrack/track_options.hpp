@@ -25,6 +25,9 @@ void add_output_flags(CLI::App& command, TrackOptions& options);
 
 /// Defaults, then --config, then the flags; validated. Errors are of kind usage and name the flag.
 Expected<TrackerConfig> tracker_config_from(const TrackOptions& options, const TrackerConfig& defaults = {});
+/// The same for a recording: without --noise its own noise model is the default, where a file `noise.json` lies in it.
+/// A note on stderr says so, unless --quiet.
+Expected<TrackerConfig> config_for_recording(const TrackOptions& options, const std::string& recording);
 /// What `--noise` says: a built-in model's name, or a JSON file.
 Expected<NoiseModel> noise_model_from(const std::string& flag);
 /// A tracker for this camera; besides what the tracker checks, the region of interest must lie in the image.

@@ -95,6 +95,10 @@ TruthFrame truth_of(const Scene& scene, int frame, const Returns& returns) {
     out.id = static_cast<std::int64_t>(i) + 1;
     out.radius_m = tube.radius_m;
     out.length_m = total_length_m(parts);
+    for (const TubePart& part : tube.parts) {
+      if (part.type != TubePart::Type::arc) continue;
+      out.bends.push_back({part.bend_radius_m, part.angle_rad, out.bends.empty() ? 0.0 : part.rotation_rad});
+    }
     for (const CenterlinePoint& sample : sample_centerline(parts, kSampleStep_m)) {
       const Eigen::Vector3d position = now * sample.position_m;
       const CenterlinePoint in_camera{camera_from_world * position,

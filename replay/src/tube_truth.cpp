@@ -22,6 +22,10 @@ TrueTube parse_tube(const Json& json) {
     if (point.size() != 3) throw std::invalid_argument("centerline_m: a point takes 3 numbers");
     tube.centerline_m.emplace_back(xyz[0], xyz[1], xyz[2]);
   }
+  // Recordings made before bends were written have none.
+  for (const Json& bend : json.value("bends", Json::array())) {
+    tube.bends.push_back({bend.at("bend_radius_m"), bend.at("angle_rad"), bend.at("rotation_rad")});
+  }
   tube.visible = json.at("visible").get<std::vector<bool>>();
   if (tube.visible.size() != tube.centerline_m.size()) {
     throw std::invalid_argument(fmt::format("visible: got {} entries for {} points of centerline_m",
@@ -68,10 +72,16 @@ std::string truth_json(const TruthFrame& truth) {
     for (const Eigen::Vector3d& p : tube.centerline_m) {
       points.push_back({micrometres(p.x()), micrometres(p.y()), micrometres(p.z())});
     }
+    Json bends = Json::array();
+    for (const TrueBend& bend : tube.bends) {
+      bends.push_back(
+          {{"bend_radius_m", bend.bend_radius_m}, {"angle_rad", bend.angle_rad}, {"rotation_rad", bend.rotation_rad}});
+    }
     json["tubes"].push_back({{"id", tube.id},
                              {"radius_m", tube.radius_m},
                              {"length_m", tube.length_m},
                              {"centerline_m", std::move(points)},
+                             {"bends", std::move(bends)},
                              {"visible", tube.visible}});
   }
   return json.dump();

@@ -3,6 +3,8 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cerrno>
+#include <cstring>
 #include <fstream>
 #include <nlohmann/json.hpp>
 #include <numeric>
@@ -20,7 +22,7 @@ using Json = nlohmann::ordered_json;
 template <class Model, class Visit>
 void visit_noise(Model& model, Visit&& visit) {
   auto& [name, axial_constant_m, axial_quadratic_per_m, axial_reference_m, axial_grazing, lateral_px, disparity_step_px,
-         baseline_focal_m_px, depth_step_m] = model;
+         baseline_focal_m_px, depth_step_m, radius_relative] = model;
   visit("name", name);
   visit("axial_constant_m", axial_constant_m);
   visit("axial_quadratic_per_m", axial_quadratic_per_m);
@@ -30,6 +32,7 @@ void visit_noise(Model& model, Visit&& visit) {
   visit("disparity_step_px", disparity_step_px);
   visit("baseline_focal_m_px", baseline_focal_m_px);
   visit("depth_step_m", depth_step_m);
+  visit("radius_relative", radius_relative);
 }
 
 template <class Config, class Visit>
@@ -189,6 +192,13 @@ std::string noise_model_text(const NoiseModel& model) {
   Json json;
   visit_noise(model, [&json](const char* field, const auto& value) { json[field] = value; });
   return json.dump(2) + "\n";
+}
+
+Expected<void> write_noise_model(const NoiseModel& model, const std::filesystem::path& path) {
+  std::ofstream file(path);
+  file << noise_model_text(model) << std::flush;
+  if (file) return {};
+  return tl::make_unexpected(Error::failed(fmt::format("{}: {}", path.string(), std::strerror(errno))));
 }
 
 std::string config_text(const TrackerConfig& config) {

@@ -190,6 +190,12 @@ void pool(Tally& tally) {
 
 }  // namespace
 
+double median(std::vector<double> values) {
+  if (values.empty()) return kUndefined;
+  std::sort(values.begin(), values.end());
+  return 0.5 * (values[values.size() / 2] + values[(values.size() - 1) / 2]);
+}
+
 double TubeScore::coverage() const {
   return quotient(static_cast<double>(covered_samples), static_cast<double>(visible_samples));
 }
@@ -200,10 +206,7 @@ double TubeScore::rms_m() const {
   return std::sqrt(quotient(squared_error_m2, static_cast<double>(matched_samples)));
 }
 double TubeScore::radius_error_median() const {
-  if (radius_errors.empty()) return kUndefined;
-  std::vector<double> sorted = radius_errors;
-  std::sort(sorted.begin(), sorted.end());
-  return 0.5 * (sorted[sorted.size() / 2] + sorted[(sorted.size() - 1) / 2]);
+  return median(radius_errors);
 }
 double TubeScore::inside_95() const {
   return quotient(static_cast<double>(interval_hits), static_cast<double>(interval_nodes));
@@ -244,6 +247,7 @@ Expected<Score> score_run(std::span<const TruthFrame> truth, std::span<const Tub
     for (const Tube& tube : reported_now.tubes) reported.push_back(add_reported(frame, tube, rules, tally));
     add_identity(frame, reported_now, reported, rules, tally);
     add_intervals(frame, reported_now, rules, tally);
+    add(score.bends, bend_errors(frame, reported_now));
     for (const TrueTube& tube : frame.tubes) tally.tubes[tube.id].true_radius_m = tube.radius_m;
   }
   for (const auto& [number, result] : result_of) score.frames_without_truth += number >= rules.first_frame ? 1 : 0;

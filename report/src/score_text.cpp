@@ -3,12 +3,15 @@
 #include <cmath>
 #include <iterator>
 #include <nlohmann/json.hpp>
+#include <numbers>
 
 #include "tubetrack/report/score.hpp"
 
 namespace tubetrack {
 
 namespace {
+
+constexpr double kDegrees = 180.0 / std::numbers::pi;
 
 std::string number(double value, int digits) {
   return std::isfinite(value) ? fmt::format("{:.{}f}", value, digits) : "-";
@@ -31,6 +34,14 @@ nlohmann::ordered_json tube_json(const TubeScore& t) {
           {"idf1", number_json(t.idf1())},
           {"switches", t.switches},
           {"transfers", t.transfers}};
+}
+
+nlohmann::ordered_json bends_json(const BendErrors& bends) {
+  return {{"tubes", bends.tubes},
+          {"tubes_right", bends.tubes_right},
+          {"angle_error_median_rad", number_json(median(bends.angle_rad))},
+          {"bend_radius_error_median", number_json(median(bends.bend_radius_relative))},
+          {"rotation_error_median_rad", number_json(median(bends.rotation_rad))}};
 }
 
 }  // namespace
@@ -57,14 +68,24 @@ std::string score_table(const Score& score) {
   if (score.frames_without_truth > 0) fmt::format_to(out, ", {} results without truth", score.frames_without_truth);
   fmt::format_to(out, "; {:.2f} m of centreline reported, {:.2f} m false\n", score.total.reported_m,
                  score.total.false_m);
+  const BendErrors& bends = score.bends;
+  if (bends.tubes > 0) {
+    fmt::format_to(out,
+                   "bends: as many as there are on {} of {} tubes; of these angle {}° off, bend radius {} %, "
+                   "rotation {}° (medians; bends of 45–150°, 2.5 diameters and 60 mm of arc or more)\n",
+                   bends.tubes_right, bends.tubes, number(kDegrees * median(bends.angle_rad), 2),
+                   number(100.0 * median(bends.bend_radius_relative), 2),
+                   number(kDegrees * median(bends.rotation_rad), 2));
+  }
   return text;
 }
 
 std::string score_json(const Score& score) {
   nlohmann::ordered_json json{
-      {"frames_scored", score.frames_scored},   {"frames_bad", score.frames_bad},
-      {"frames_not_run", score.frames_not_run}, {"frames_without_truth", score.frames_without_truth},
-      {"total", tube_json(score.total)},        {"tubes", nlohmann::ordered_json::array()}};
+      {"frames_scored", score.frames_scored},    {"frames_bad", score.frames_bad},
+      {"frames_not_run", score.frames_not_run},  {"frames_without_truth", score.frames_without_truth},
+      {"total", tube_json(score.total)},         {"bends", bends_json(score.bends)},
+      {"tubes", nlohmann::ordered_json::array()}};
   for (const TubeScore& tube : score.tubes) {
     nlohmann::ordered_json row{{"id", tube.id}, {"radius_m", number_json(tube.true_radius_m)}};
     row.update(tube_json(tube));

@@ -33,7 +33,8 @@ constexpr FieldRange kRanges[] = {
     {"lateral_px", &NoiseModel::lateral_px, 0.0, 100.0, "pixels, 0 to 100"},
     {"disparity_step_px", &NoiseModel::disparity_step_px, 0.0, 100.0, "pixels, 0 to 100"},
     {"baseline_focal_m_px", &NoiseModel::baseline_focal_m_px, 1e-3, 1e5, "metres × pixels, 0.001 to 100000"},
-    {"depth_step_m", &NoiseModel::depth_step_m, 0.0, 1.0, "metres, 0 to 1"}};
+    {"depth_step_m", &NoiseModel::depth_step_m, 0.0, 1.0, "metres, 0 to 1"},
+    {"radius_relative", &NoiseModel::radius_relative, 0.0, 0.5, "part of the radius, 0 to 0.5"}};
 
 bool contains_lower_case(std::string_view text, std::string_view part) {
   const auto lower = [](char c) { return c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c; };
@@ -70,7 +71,8 @@ const std::vector<NoiseModel>& built_in_noise_models() {
                                                   .axial_constant_m = 0.0020,
                                                   .axial_quadratic_per_m = 0.0004,
                                                   .axial_reference_m = 0.5,
-                                                  .disparity_step_px = 0.0}};
+                                                  .disparity_step_px = 0.0},
+                                                 {.name = "synthetic", .radius_relative = 0.0}};
   return models;
 }
 
@@ -79,7 +81,7 @@ Expected<NoiseModel> noise_model_by_name(std::string_view name) {
     if (model.name == name) return model;
   }
   return tl::make_unexpected(
-      Error::usage(fmt::format("--noise: got '{}', takes kinect1, stereo, tof or a JSON file", name)));
+      Error::usage(fmt::format("--noise: got '{}', takes kinect1, stereo, tof, synthetic or a JSON file", name)));
 }
 
 std::optional<NoiseModel> noise_model_of_device(std::string_view device) {

@@ -75,7 +75,8 @@ TEST_F(CalibrateNoiseCommand, WhatCannotBeCalibratedIsRefusedInOneLine) {
   make_still_recording();
   expect_refused(calibrate({"--frames", "0:9"}), 1, "/r: 9 good frame(s), takes at least 10");
   expect_refused(calibrate({"--out", "/nowhere/a.json"}), 2, "--out /nowhere/a.json: No such file");
-  expect_refused(calibrate({"--noise", "kinect9"}), 2, "--noise kinect9: takes kinect1, stereo, tof or a JSON file");
+  expect_refused(calibrate({"--noise", "kinect9"}), 2,
+                 "--noise kinect9: takes kinect1, stereo, tof, synthetic or a JSON file");
   expect_refused(calibrate({"--frames", "9:3"}), 2, "--frames 9:3: takes A:B");
   expect_refused(run({"calibrate-noise"}), 2, "RECORDING");
   expect_refused(run({"calibrate-noise", "/nowhere"}), 2, "/nowhere");

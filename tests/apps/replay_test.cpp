@@ -1,6 +1,7 @@
 #include <gmock/gmock.h>
 
 #include <chrono>
+#include <cmath>
 #include <csignal>
 #include <thread>
 
@@ -131,6 +132,28 @@ TEST_F(Replay, EveryKindOfLineOfTheProgramHoldsAgainstTheSchema) {
   const std::string all = found.out + plain.out + posed.out;
   for (const char* status : {"ok", "empty", "corrupt", "no_pose"}) EXPECT_THAT(all, HasSubstr(status));
   EXPECT_EQ(schema_complaints(lines_of(all), output_.path()), "");
+}
+
+TEST_F(Replay, ARecordingsOwnNoiseModelIsTheDefaultAndTheFlagWins) {
+  const TemporaryFolder tubes;
+  ASSERT_EQ(run({"synth", "straight", tubes.path().string(), "--frames", "1"}).exit_code, 0);
+  const ProgramEnd own = run({"replay", tubes.path().string()});
+  EXPECT_THAT(own.err, HasSubstr("note: noise model synthetic ("));
+  const ProgramEnd flag = run({"replay", tubes.path().string(), "--noise", "kinect1"});
+  EXPECT_THAT(flag.err, Not(HasSubstr("note: noise model")));
+  const auto relative_sigma = [&](const ProgramEnd& end) {
+    write_text(output_ / "a.jsonl", end.out);
+    const auto results = read_result_lines(output_ / "a.jsonl");
+    return results && !results->empty() && !results->front().tubes.empty()
+               ? results->front().tubes[0].radius_sigma_m / results->front().tubes[0].radius_m
+               : -1.0;
+  };
+  EXPECT_NEAR(relative_sigma(own), 0.0035, 0.0035);
+  EXPECT_NEAR(relative_sigma(flag), std::hypot(0.025, relative_sigma(own)), 2e-4);
+  write_text(tubes / "noise.json", "{\"sigma\": 1}");
+  const ProgramEnd broken = run({"replay", tubes.path().string()});
+  EXPECT_EQ(broken.exit_code, 2);
+  EXPECT_THAT(broken.err, AllOf(HasSubstr("noise.json"), HasSubstr("sigma")));
 }
 
 TEST_F(Replay, WithoutTimingEqualRunsGiveEqualBytes) {

@@ -5,6 +5,7 @@
 #include "apps/program.hpp"
 #include "replay/recording_files.hpp"
 #include "tubetrack/replay/synthetic_scene.hpp"
+#include "tubetrack/report/config.hpp"
 
 namespace tubetrack {
 namespace {
@@ -46,6 +47,14 @@ TEST_F(Synth, WritesAsManyFramesAsAskedForAndSaysSoInOneLine) {
   EXPECT_EQ(lines_of(read_text(path() + "/truth.jsonl")).size(), 2U);
   EXPECT_TRUE(std::filesystem::exists(path() + "/depth/000001.png"));
   EXPECT_FALSE(std::filesystem::exists(path() + "/depth/000002.png"));
+}
+
+TEST_F(Synth, TheRecordingBringsItsNoiseModel) {
+  ASSERT_EQ(run({"straight", path(), "--frames", "1"}).exit_code, 0);
+  const auto model = read_noise_model(path() + "/noise.json");
+  ASSERT_TRUE(model) << model.error().message;
+  EXPECT_EQ(model->name, "synthetic");
+  EXPECT_EQ(model->radius_relative, 0.0);
 }
 
 TEST_F(Synth, WithoutNoiseUnitsAreATenthOfAMillimetreUnlessAskedOtherwise) {

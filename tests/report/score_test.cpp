@@ -265,6 +265,22 @@ TEST(Score, TableAndJsonSayTheSame) {
                   .is_null());
 }
 
+TEST(Score, BendsAreComparedWhereTubesHaveThem) {
+  TrueTube truth = true_tube(1, 0.0);
+  truth.bends = {{0.1, 1.2, 0.0}};
+  Tube tube = reported_tube(9, 0.0, 0.4, 0.0);
+  tube.bend_table.lra.resize(2);
+  tube.bend_table.lra[0].angle_rad = 1.21;
+  tube.bend_table.lra[0].bend_radius_m = 0.102;
+  const Score score = scored({truth_frame(0, {truth})}, {result_frame(0, {tube})});
+  EXPECT_THAT(score_table(score), HasSubstr("bends: as many as there are on 1 of 1 tubes; of these angle 0.57° off, "
+                                            "bend radius 2.00 %, rotation -° (medians"));
+  const auto json = nlohmann::json::parse(score_json(score))["bends"];
+  EXPECT_EQ(json["tubes_right"], 1);
+  EXPECT_NEAR(json["angle_error_median_rad"].get<double>(), 0.01, 1e-7);
+  EXPECT_TRUE(json["rotation_error_median_rad"].is_null());
+}
+
 TEST(Score, IntervalsAreCountedWhereCovariancesAreGiven) {
   Tube tube = reported_tube(9, 0.1, 0.3, 0.0004);
   for (std::size_t i = 0; i < tube.centerline_m.size(); ++i) {

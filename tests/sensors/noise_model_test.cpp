@@ -75,6 +75,9 @@ TEST(NoiseModel, ValidateNamesTheFieldWhatItGotAndWhatItTakes) {
   model = {};
   model.axial_reference_m = std::nan("");
   EXPECT_EQ(validate(model).error().message, "axial_reference_m: got nan, takes metres, 0 to 100");
+  model = {};
+  model.radius_relative = 0.6;
+  EXPECT_EQ(validate(model).error().message, "radius_relative: got 0.6, takes part of the radius, 0 to 0.5");
   model = without_rounding();
   model.axial_constant_m = 0.0;
   ASSERT_FALSE(validate(model)) << "σ may be 0";
@@ -111,7 +114,7 @@ TEST(NoiseModel, AnUnknownNameIsRefusedWithTheKnownOnes) {
   const auto model = noise_model_by_name("kinect9");
   ASSERT_FALSE(model);
   EXPECT_EQ(model.error().kind, Error::Kind::usage);
-  EXPECT_EQ(model.error().message, "--noise: got 'kinect9', takes kinect1, stereo, tof or a JSON file");
+  EXPECT_EQ(model.error().message, "--noise: got 'kinect9', takes kinect1, stereo, tof, synthetic or a JSON file");
 }
 
 }  // namespace

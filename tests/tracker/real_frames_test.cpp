@@ -119,6 +119,9 @@ TEST_F(RealFrames, EveryReferenceIsFoundWithItsRadiusAndLength) {
     fmt::print("{:40} radius {:5.1f} in [{:.1f}, {:.1f}]  length {:5.0f} of {:3.0f}  inside {:3.0f} %\n", what,
                radius_mm, reference.low_mm, reference.high_mm, best->length_m * 1000.0, reference.length_mm,
                100.0 * best_share);
+    EXPECT_NEAR(radius_mm, 0.5 * (reference.low_mm + reference.high_mm), 1.96e3 * best->radius_sigma_m)
+        << what << ": the middle of the reference is outside the 95 % interval";
+    EXPECT_LE(2.0 * 1.96 * best->radius_sigma_m, 0.1 * best->radius_m) << what << ": too unsure";
     EXPECT_GE(radius_mm, 0.94 * reference.low_mm) << what;
     EXPECT_LE(radius_mm, 1.06 * reference.high_mm) << what;
     EXPECT_NEAR(best->length_m * 1000.0, reference.length_mm, 0.2 * reference.length_mm) << what;

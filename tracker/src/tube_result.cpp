@@ -12,6 +12,16 @@ namespace {
 
 constexpr double kCornerCut = 0.01;  // of the spline's third difference
 
+/// The larger σ across a line of this direction.
+double sigma_across_m(const Eigen::Matrix3d& covariance_m2, const Eigen::Vector3d& along) {
+  Eigen::Matrix<double, 3, 2> across;
+  across.col(0) = along.unitOrthogonal();
+  across.col(1) = along.cross(across.col(0));
+  const Eigen::Matrix2d section = across.transpose() * covariance_m2 * across;
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> solver(section);
+  return std::sqrt(std::max(0.0, solver.eigenvalues()[1]));
+}
+
 /// Covariance of a centreline point from that of the control points, and the larger σ across the tube.
 void add_uncertainty(const FollowedTube& followed, double t, Tube& tube) {
   const SplineBasis basis = basis_at(followed.model.spline, t);
@@ -28,13 +38,7 @@ void add_uncertainty(const FollowedTube& followed, double t, Tube& tube) {
   const std::size_t k = basis.first;
   const double third_m = (q[k + 3] - q[k] + 3.0 * (q[k + 1] - q[k + 2])).norm();
   covariance.diagonal().array() += kCornerCut * kCornerCut * third_m * third_m;
-  const Eigen::Vector3d along = derivative_at(followed.model.spline, t).normalized();
-  Eigen::Matrix<double, 3, 2> across;
-  across.col(0) = along.unitOrthogonal();
-  across.col(1) = along.cross(across.col(0));
-  const Eigen::Matrix2d section = across.transpose() * covariance * across;
-  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> solver(section);
-  tube.sigma_m.push_back(std::sqrt(std::max(0.0, solver.eigenvalues()[1])));
+  tube.sigma_m.push_back(sigma_across_m(covariance, derivative_at(followed.model.spline, t).normalized()));
   tube.node_covariance_m2.push_back(covariance);
 }
 
@@ -78,6 +82,19 @@ void add_parts(Tube& tube) {
   CenterlineParts parts = cut_into_parts(fitted_centerline(tube));
   tube.segments = std::move(parts.segments);
   tube.bend_table = parts.fitted ? bend_table_of(*parts.fitted) : BendTable{};
+}
+
+void add_common_error(Tube& tube, double radius_relative) {
+  const double sigma_m = radius_relative * tube.radius_m;
+  if (sigma_m <= 0.0) return;
+  tube.radius_sigma_m = std::hypot(tube.radius_sigma_m, sigma_m);
+  const auto& line = tube.centerline_m;
+  for (std::size_t i = 0; i < line.size(); ++i) {
+    const Eigen::Vector3d along = (line[std::min(i + 1, line.size() - 1)] - line[i == 0 ? 0 : i - 1]).normalized();
+    const Eigen::Vector3d away = (line[i] - line[i].dot(along) * along).normalized();
+    tube.node_covariance_m2[i] += sigma_m * sigma_m * away * away.transpose();
+    tube.sigma_m[i] = sigma_across_m(tube.node_covariance_m2[i], along);
+  }
 }
 
 void move_to_world(Tube& tube, const Eigen::Isometry3d& world_from_camera) {

@@ -10,6 +10,11 @@ Tube result_of(const FollowedTube& tube, const HeightMap& map);
 /// Fills in `segments` and `bend_table` from the centreline (paper, section 3).
 void add_parts(Tube& tube);
 
+/// Adds to the uncertainty what is common to all of a tube and to every frame (NoiseModel::radius_relative): its
+/// surface is seen, so an axis is as much too far as the radius is too large. After `add_parts`, as bends don't feel
+/// it; in the camera frame.
+void add_common_error(Tube& tube, double radius_relative);
+
 /// The same in the world frame.
 void move_to_world(Tube& tube, const Eigen::Isometry3d& world_from_camera);
 

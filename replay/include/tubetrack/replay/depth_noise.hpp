@@ -13,7 +13,7 @@ struct DepthNoise {
   bool mixed = true;               ///< 30 % of the edge pixels that are left lie between the two depths
   bool shadow = true;              ///< no return where the projector, 75 mm to the camera's right, does not shine
   double metres_per_unit = 0.001;  ///< of the 16-bit depth; rounding to it is always on
-  NoiseModel sensor;
+  NoiseModel sensor{.name = "synthetic", .radius_relative = 0.0};
 
   /// Every part off, and 0.1 mm units so that the 16-bit rounding does not dominate (range 6.5 m).
   static DepthNoise none();

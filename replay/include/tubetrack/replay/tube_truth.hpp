@@ -10,12 +10,20 @@
 
 namespace tubetrack {
 
+/// A bend as in LRA: the turn of its plane since the bend before, right-handed along the tube; 0 for the first.
+struct TrueBend {
+  double bend_radius_m = 0.0;
+  double angle_rad = 0.0;
+  double rotation_rad = 0.0;
+};
+
 /// The true course of one tube in one frame, sampled every 2 mm.
 struct TrueTube {
   std::int64_t id = 0;
   double radius_m = 0.0;
   double length_m = 0.0;                      ///< of the centreline, from cap to cap
   std::vector<Eigen::Vector3d> centerline_m;  ///< in the frame that TruthFrame::frame_id names
+  std::vector<TrueBend> bends;                ///< along the centreline
   std::vector<bool> visible;  ///< a sample is visible when ≥ half of its camera-facing profile has returns of this tube
 };
 

@@ -21,6 +21,8 @@ Expected<TrackerConfig> parse_config(const std::string& text, const std::string&
 Expected<NoiseModel> read_noise_model(const std::filesystem::path& path);
 /// The model as JSON that read_noise_model reads back to the same values.
 std::string noise_model_text(const NoiseModel& model);
+/// The same into a file. The error names it.
+Expected<void> write_noise_model(const NoiseModel& model, const std::filesystem::path& path);
 
 /// Every setting as JSON that parse_config reads back to the same values.
 std::string config_text(const TrackerConfig& config);

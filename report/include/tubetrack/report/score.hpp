@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "tubetrack/replay/tube_truth.hpp"
+#include "tubetrack/report/bend_errors.hpp"
 #include "tubetrack/tracker/tube.hpp"
 
 namespace tubetrack {
@@ -57,6 +58,7 @@ struct TubeScore {
 struct Score {
   std::vector<TubeScore> tubes;  ///< by id
   TubeScore total;
+  BendErrors bends;  ///< of all frames scored
   std::int64_t frames_scored = 0;
   std::int64_t frames_bad = 0;      ///< corrupt, no_pose, deadline: not scored
   std::int64_t frames_not_run = 0;  ///< truth without a result (dropped, or outside --frames): not scored
@@ -73,6 +75,9 @@ Expected<Score> score_run(std::span<const TruthFrame> truth, std::span<const Tub
 std::string score_table(const Score& score);
 /// The same as one JSON object, keys with units, lengths in metres, parts as fractions; what is undefined is null.
 std::string score_json(const Score& score);
+
+/// NaN of nothing; of an even number the mean of the two in the middle.
+double median(std::vector<double> values);
 
 /// The nearest point of a polyline.
 struct LineFoot {

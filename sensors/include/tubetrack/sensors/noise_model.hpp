@@ -22,12 +22,15 @@ struct NoiseModel {
   double disparity_step_px = 0.125;    ///< 0: the sensor does not measure disparity
   double baseline_focal_m_px = 42.75;  ///< baseline × focal length: 0.075 m × 570 px
   double depth_step_m = 0.0;           ///< depths are multiples of this; 0: finer than all the rest
+  /// How far radii seen by such a sensor are off alike, σ as part of the radius: it smooths, and its scale is known
+  /// only so well. No average takes it out, so it is added to the uncertainty that is reported.
+  double radius_relative = 0.025;
 };
 
 /// Names the first field that cannot be right, what it got and what it takes.
 Expected<void> validate(const NoiseModel& model);
 
-/// kinect1, stereo and tof.
+/// kinect1, stereo, tof, and synthetic: kinect1 without errors that are common to all frames.
 const std::vector<NoiseModel>& built_in_noise_models();
 
 /// One of the built-in models. Unknown names list the known ones.

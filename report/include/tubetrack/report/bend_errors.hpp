@@ -3,11 +3,10 @@
 #include <cstdint>
 #include <vector>
 
-#include "tubetrack/replay/synthetic_scene.hpp"
 #include "tubetrack/replay/tube_truth.hpp"
 #include "tubetrack/tracker/tube.hpp"
 
-namespace tubetrack::bench {
+namespace tubetrack {
 
 /// How well bends were measured. Those that DESIGN §5 asks for: 45° to 150°, a bend radius of 2.5 diameters or more, an
 /// arc of 60 mm or more.
@@ -21,8 +20,7 @@ struct BendErrors {
 
 void add(BendErrors& sum, const BendErrors& part);
 
-/// Compares the bend tables of a frame with the parts that the scene's tubes are made of. The truth is that of the
-/// scene's tubes in their order, in the result's frame of reference.
-BendErrors bend_errors(const std::vector<SceneTube>& scene, const TruthFrame& truth, const TubeFrame& result);
+/// Compares the bend tables of a frame with the true tubes' bends, in the same frame of reference.
+BendErrors bend_errors(const TruthFrame& truth, const TubeFrame& result);
 
-}  // namespace tubetrack::bench
+}  // namespace tubetrack

@@ -1,27 +1,23 @@
-#include "bend_errors.hpp"
+#include "tubetrack/report/bend_errors.hpp"
 
 #include <gtest/gtest.h>
 
 #include <algorithm>
 #include <cmath>
 
-namespace tubetrack::bench {
+namespace tubetrack {
 namespace {
 
 constexpr double kRadius_m = 0.015;
 
 /// A tube with two bends of 1.2 and 0.9 rad, 0.5 rad between their planes.
-SceneTube two_bends() {
-  SceneTube tube;
+TruthFrame two_bends() {
+  TrueTube tube;
   tube.radius_m = kRadius_m;
-  tube.parts = {TubePart::straight(0.1), TubePart::arc(0.09, 1.2), TubePart::straight(0.1),
-                TubePart::arc(0.10, 0.9, 0.5), TubePart::straight(0.1)};
-  return tube;
-}
-
-TruthFrame truth_of(const SceneTube& tube) {
+  tube.centerline_m = {{0.0, 0.0, 0.8}, {0.1, 0.0, 0.8}};
+  tube.bends = {{0.09, 1.2, 0.0}, {0.10, 0.9, 0.5}};
   TruthFrame truth;
-  truth.tubes = {{1, tube.radius_m, 0.3, {{0.0, 0.0, 0.8}, {0.1, 0.0, 0.8}}, {true, true}}};
+  truth.tubes = {tube};
   return truth;
 }
 
@@ -43,11 +39,11 @@ BendRow row(double angle_rad, double bend_radius_m, double rotation_rad) {
 }
 
 TEST(BendErrors, AreThoseOfTheTableWhicheverEndItStartsFrom) {
-  const SceneTube tube = two_bends();
+  const TruthFrame truth = two_bends();
   for (const bool reversed : {false, true}) {
     std::vector<BendRow> rows = {row(1.21, 0.0909, 0.0), row(0.89, 0.10, 0.52), row(0.0, 0.0, 0.0)};
     if (reversed) rows = {row(0.89, 0.10, 0.0), row(1.21, 0.0909, 0.52), row(0.0, 0.0, 0.0)};
-    BendErrors errors = bend_errors({tube}, truth_of(tube), result_with(rows));
+    BendErrors errors = bend_errors(truth, result_with(rows));
     EXPECT_EQ(errors.tubes_right, 1);
     std::ranges::sort(errors.bend_radius_relative);
     ASSERT_EQ(errors.angle_rad.size(), 2U);
@@ -60,22 +56,22 @@ TEST(BendErrors, AreThoseOfTheTableWhicheverEndItStartsFrom) {
 }
 
 TEST(BendErrors, ATubeWithAnotherNumberOfBendsCountsAsWrongAndNotInTheMedians) {
-  const SceneTube tube = two_bends();
-  const BendErrors errors = bend_errors({tube}, truth_of(tube), result_with({row(1.2, 0.09, 0.0), row(0.0, 0.0, 0.0)}));
+  const TruthFrame truth = two_bends();
+  const BendErrors errors = bend_errors(truth, result_with({row(1.2, 0.09, 0.0), row(0.0, 0.0, 0.0)}));
   EXPECT_EQ(errors.tubes, 1);
   EXPECT_EQ(errors.tubes_right, 0);
   EXPECT_TRUE(errors.angle_rad.empty());
 }
 
 TEST(BendErrors, OnlyBendsThatTheGoalIsForCount) {
-  SceneTube tube = two_bends();
-  tube.parts[1] = TubePart::arc(0.06, 1.2);  // below 2.5 diameters
+  TruthFrame truth = two_bends();
+  truth.tubes[0].bends[0].bend_radius_m = 0.06;  // below 2.5 diameters
   const BendErrors errors =
-      bend_errors({tube}, truth_of(tube), result_with({row(1.2, 0.06, 0.0), row(0.9, 0.1, 0.5), row(0.0, 0.0, 0.0)}));
+      bend_errors(truth, result_with({row(1.2, 0.06, 0.0), row(0.9, 0.1, 0.5), row(0.0, 0.0, 0.0)}));
   EXPECT_EQ(errors.tubes_right, 1);
   EXPECT_EQ(errors.angle_rad.size(), 1U);
   EXPECT_TRUE(errors.rotation_rad.empty());
 }
 
 }  // namespace
-}  // namespace tubetrack::bench
+}  // namespace tubetrack

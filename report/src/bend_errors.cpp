@@ -1,30 +1,23 @@
-#include "bend_errors.hpp"
+#include "tubetrack/report/bend_errors.hpp"
 
 #include <algorithm>
 #include <cmath>
 #include <numbers>
 
-namespace tubetrack::bench {
+namespace tubetrack {
 
 namespace {
 
 constexpr double kRad = std::numbers::pi / 180.0;
 
-std::vector<TubePart> bends_of(const SceneTube& tube) {
-  std::vector<TubePart> bends;
-  std::ranges::copy_if(tube.parts, std::back_inserter(bends),
-                       [](const TubePart& part) { return part.type == TubePart::Type::arc; });
-  return bends;
-}
-
 /// The same bends, met from the other end: the turn between two planes is right-handed either way.
-std::vector<TubePart> from_the_other_end(const std::vector<TubePart>& bends) {
-  std::vector<TubePart> reversed(bends.rbegin(), bends.rend());
+std::vector<TrueBend> from_the_other_end(const std::vector<TrueBend>& bends) {
+  std::vector<TrueBend> reversed(bends.rbegin(), bends.rend());
   for (std::size_t i = reversed.size(); i-- > 1;) reversed[i].rotation_rad = reversed[i - 1].rotation_rad;
   return reversed;
 }
 
-bool asked_for(const TubePart& bend, double tube_radius_m) {
+bool asked_for(const TrueBend& bend, double tube_radius_m) {
   return bend.angle_rad >= 45.0 * kRad && bend.angle_rad <= 150.0 * kRad && bend.bend_radius_m >= 5.0 * tube_radius_m &&
          bend.bend_radius_m * bend.angle_rad >= 0.06;
 }
@@ -33,7 +26,7 @@ double angle_between(double a_rad, double b_rad) {
   return std::abs(std::remainder(a_rad - b_rad, 2.0 * std::numbers::pi));
 }
 
-BendErrors errors_of(const std::vector<TubePart>& bends, const std::vector<BendRow>& rows, double tube_radius_m) {
+BendErrors errors_of(const std::vector<TrueBend>& bends, const std::vector<BendRow>& rows, double tube_radius_m) {
   BendErrors errors;
   for (std::size_t i = 0; i < bends.size(); ++i) {
     if (!asked_for(bends[i], tube_radius_m)) continue;
@@ -80,21 +73,21 @@ void add(BendErrors& sum, const BendErrors& part) {
   append(sum.rotation_rad, part.rotation_rad);
 }
 
-BendErrors bend_errors(const std::vector<SceneTube>& scene, const TruthFrame& truth, const TubeFrame& result) {
+BendErrors bend_errors(const TruthFrame& truth, const TubeFrame& result) {
   BendErrors all;
-  for (std::size_t i = 0; i < scene.size() && i < truth.tubes.size(); ++i) {
-    const std::vector<TubePart> bends = bends_of(scene[i]);
-    const Tube* tube = bends.empty() ? nullptr : reported(truth.tubes[i], result);
+  for (const TrueTube& true_tube : truth.tubes) {
+    const std::vector<TrueBend>& bends = true_tube.bends;
+    const Tube* tube = bends.empty() ? nullptr : reported(true_tube, result);
     if (tube == nullptr) continue;
     ++all.tubes;
     const std::vector<BendRow>& rows = tube->bend_table.lra;
     if (rows.size() != bends.size() + 1) continue;
     ++all.tubes_right;
-    const BendErrors there = errors_of(bends, rows, scene[i].radius_m);
-    const BendErrors back = errors_of(from_the_other_end(bends), rows, scene[i].radius_m);
+    const BendErrors there = errors_of(bends, rows, true_tube.radius_m);
+    const BendErrors back = errors_of(from_the_other_end(bends), rows, true_tube.radius_m);
     add(all, sum_of(there) <= sum_of(back) ? there : back);
   }
   return all;
 }
 
-}  // namespace tubetrack::bench
+}  // namespace tubetrack
