@@ -6,6 +6,7 @@
 #include <limits>
 #include <optional>
 
+#include "confidence.hpp"
 #include "hide.hpp"
 #include "tubetrack/tracker/join.hpp"
 
@@ -231,7 +232,9 @@ void confirm_or_forget(KnownTubes& known, HeightMap& map, const TrackerConfig& c
     if (tube.state != TubeState::tracked || !now) continue;
     const SeenTube mine = seen(tube);
     hide_others(known.tubes, &tube, &mine, map, hidden);
-    const bool denied = why_no_tube(as_found(tube, map, config), config).has_value();
+    const FoundTube now_found = as_found(tube, map, config);
+    add_look(tube, now_found.evidence);
+    const bool denied = why_no_tube(now_found, config).has_value();
     show_again(map, hidden);
     tube.standing = std::min(kBestStanding, tube.standing + (denied ? -2 : 1));
     tube.confirmed = tube.confirmed || tube.standing >= 2;

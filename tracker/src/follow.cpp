@@ -5,6 +5,7 @@
 #include <optional>
 #include <utility>
 
+#include "confidence.hpp"
 #include "followed_extent.hpp"
 #include "motion.hpp"
 #include "pool.hpp"
@@ -225,6 +226,7 @@ FollowedTube start_following(FoundTube found, const HeightMap& map, const Tracke
   tube.held_radius_m = found.held_radius_m;
   tube.quality = std::move(found.quality);
   tube.support = found.evidence.support;
+  add_look(tube, found.evidence);
   tube.pixels = std::move(found.pixels);
   tube.stations = stations_of(map, tube.model, tube.pixels, station_length_m(map, tube.model));
   // A little more at an end may be the foot of a can or the table that it stands on; much more is tube.

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "confidence.hpp"
 #include "tubetrack/tracker/bend_table.hpp"
 
 namespace tubetrack {
@@ -56,7 +57,7 @@ Tube result_of(const FollowedTube& followed, const HeightMap& map) {
   tube.state = followed.state;
   tube.radius_m = followed.model.radius_m;
   tube.radius_sigma_m = followed.quality.radius_sigma_m;
-  tube.confidence = followed.state == TubeState::tracked ? std::min(1.0, followed.support) : 0.0;
+  tube.confidence = confidence_of(followed);
   const Extent& extent = followed.extent;
   const Spline& spline = followed.model.spline;
   const double chord_m =

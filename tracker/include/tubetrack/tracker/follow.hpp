@@ -36,6 +36,8 @@ struct FollowedTube {
   Extent extent;
   FitQuality quality;
   double support = 0.0;                ///< agreeing pixels over expected ones, where it is seen
+  double taper_information = 0.0;      ///< of all looks at its taper (change of radius per length), and
+  double taper_sum = 0.0;              ///< information times what each showed
   std::vector<Station> stations;       ///< over the whole spline, of the last frame that was fitted
   std::vector<PredictedPixel> pixels;  ///< the same
   double last_seen_s = 0.0;

@@ -48,7 +48,9 @@ struct Tube {
   double radius_m = 0.0;
   double radius_sigma_m = 0.0;
   double length_m = 0.0;
-  double confidence = 0.0;  ///< 0…1: the part of the tube's camera-facing surface that the frame confirms
+  /// 0…1: the part of the tube's camera-facing surface that the frame confirms, times the chance that it tapers by less
+  /// than 5 %; 0 while it is out of sight.
+  double confidence = 0.0;
   std::vector<Eigen::Vector3d> centerline_m;
   std::vector<double> sigma_m;  ///< the larger axis across the tube
   std::vector<Eigen::Matrix3d> node_covariance_m2;
