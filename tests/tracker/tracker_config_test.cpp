@@ -68,6 +68,7 @@ INSTANTIATE_TEST_SUITE_P(
                       Refused{"min_width_px", "got 2", with([](auto& c) { c.min_width_px = 2.0; })},
                       Refused{"min_bend_radii", "got 0.5", with([](auto& c) { c.min_bend_radii = 0.5; })},
                       Refused{"cell_m", "got 0", with([](auto& c) { c.cell_m = 0.0; })},
+                      Refused{"deadline_ms", "got 0", with([](auto& c) { c.deadline_ms = 0.0; })},
                       Refused{"threads", "got 0", with([](auto& c) { c.threads = 0; })},
                       Refused{"threads", "got 1000", with([](auto& c) { c.threads = 1000; })}));
 

@@ -16,9 +16,9 @@ struct Followed {
   std::vector<TubeFrame> results;
 };
 
-Followed follow(Scene scene, int frames) {
+Followed follow(Scene scene, int frames, const TrackerConfig& config = {}) {
   Followed run;
-  auto tracker = TubeTracker::create({}, scene.camera);
+  auto tracker = TubeTracker::create(config, scene.camera);
   EXPECT_TRUE(tracker);
   for (int i = 0; i < frames; ++i) {
     RenderedFrame rendered = render_frame(scene, i, {});
@@ -43,6 +43,29 @@ TEST(Tracking, ThreeCrossingTubesKeepOneIdEachFromTheFirstFrameOn) {
   EXPECT_EQ(score.transfers, 0);
   EXPECT_EQ(score.idf1(), 1.0);
   for (const TubeFrame& result : run.results) EXPECT_EQ(result.tubes.size(), 3U) << result.frame;
+}
+
+TEST(Tracking, WhenTheDeadlinePassesNoNewTubesAreLookedForAndTheStatusSaysSo) {
+  TrackerConfig config;
+  config.deadline_ms = 0.01;
+  for (const TubeFrame& result : follow(*load_scene("straight"), 3, config).results) {
+    EXPECT_EQ(result.status, TrackStatus::deadline);
+    EXPECT_EQ(result.problem, "0.01 ms were over before all places were looked at");
+    EXPECT_TRUE(result.tubes.empty());
+  }
+}
+
+TEST(Tracking, ADeadlineThatIsKeptChangesNothing) {
+  TrackerConfig config;
+  config.deadline_ms = 1e6;
+  const Followed with = follow(*load_scene("crossing"), 2, config);
+  const Followed without = follow(*load_scene("crossing"), 2);
+  for (std::size_t i = 0; i < with.results.size(); ++i) {
+    EXPECT_EQ(with.results[i].status, TrackStatus::ok);
+    ASSERT_EQ(with.results[i].tubes.size(), without.results[i].tubes.size());
+    for (std::size_t k = 0; k < with.results[i].tubes.size(); ++k)
+      EXPECT_EQ(with.results[i].tubes[k].centerline_m, without.results[i].tubes[k].centerline_m);
+  }
 }
 
 // Goals of DESIGN §5 after 30 frames: 0.12 mm, 0.15 mm of radius.

@@ -141,7 +141,8 @@ double matching_cell_m(std::span<const Surfel> surfels, double focal_px) {
 
 std::vector<FoundTube> find_tubes(AccumulationMap& votes, std::span<const Surfel> surfels,
                                   std::span<const CastVote> cast, HeightMap& map, const TrackerConfig& config,
-                                  int max_failures, std::vector<FailedPlace>& failed, StageTimes& times) {
+                                  int max_failures, Deadline& deadline, std::vector<FailedPlace>& failed,
+                                  StageTimes& times) {
   Stopwatch watch;
   std::vector<FoundTube> tubes;
   std::vector<bool> withdrawn(surfels.size(), false);
@@ -152,7 +153,7 @@ std::vector<FoundTube> find_tubes(AccumulationMap& votes, std::span<const Surfel
   const std::vector<VoxelIndex> peaks = votes.peaks(kMinVotes, 1);
   watch.lap(times.trace_ms);
   for (const VoxelIndex& peak : peaks) {
-    if (failures >= max_failures) break;
+    if (failures >= max_failures || deadline.passed()) break;
     const Voxel sum = votes.box(peak, 1);
     if (sum.votes < kMinVotes) continue;
     const Eigen::Vector3d center = votes.center_of(peak);
@@ -182,9 +183,9 @@ std::vector<FoundTube> find_tubes(AccumulationMap& votes, std::span<const Surfel
     tubes.push_back(std::move(*found));
     watch.lap(times.fit_ms);
   }
-  if (tubes.size() > 1) part_neighbors(tubes, map, config);
+  if (tubes.size() > 1 && !deadline.passed()) part_neighbors(tubes, map, config);
   const std::size_t found_at_once = tubes.size();
-  if (!tubes.empty()) try_again(refused, tubes, map, config);
+  if (!refused.empty() && !tubes.empty() && !deadline.passed()) try_again(refused, tubes, map, config);
   if (tubes.size() != found_at_once) part_neighbors(tubes, map, config);
   watch.lap(times.fit_ms);
   for (std::size_t i = 0; i < cast.size(); ++i) {

@@ -150,6 +150,7 @@ const TubeFrame& TubeTracker::track(const DepthFrame& frame) {
   State& s = *state_;
   if (!begin(frame)) return s.result;
   StageTimes& stages = s.result.stages;
+  Deadline deadline(s.config.deadline_ms);
   Stopwatch whole;
   Stopwatch stage;
   update(s.map, frame, s.config.noise, limits_of(s.config), !frame.world_from_camera);
@@ -173,13 +174,17 @@ const TubeFrame& TubeTracker::track(const DepthFrame& frame) {
   HiddenCells hidden;
   hide_others(s.known.tubes, nullptr, nullptr, s.map, hidden);
   const int max_failures = s.known.first_frame ? kFailuresAtFirst : kFailuresLater;
-  auto found = find_tubes(s.votes, surfels, s.cast, s.map, s.config, max_failures, s.failed,
+  auto found = find_tubes(s.votes, surfels, s.cast, s.map, s.config, max_failures, deadline, s.failed,
                           stages);  // algorithm 2, section 2.3
   stage = {};
   show_again(s.map, hidden);
   take_in(s.known, std::move(found), s.map, s.config, frame.timestamp_s);
   stage.lap(stages.fit_ms);
   report_known();
+  if (deadline.missed()) {
+    s.result.status = TrackStatus::deadline;
+    s.result.problem = fmt::format("{:g} ms were over before all places were looked at", *s.config.deadline_ms);
+  }
   whole.lap(s.result.latency_ms);
   return s.result;
 }

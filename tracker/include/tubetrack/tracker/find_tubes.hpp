@@ -3,6 +3,7 @@
 #include <span>
 #include <vector>
 
+#include "tubetrack/tracker/deadline.hpp"
 #include "tubetrack/tracker/grow.hpp"
 #include "tubetrack/tracker/recast.hpp"
 #include "tubetrack/tracker/tube.hpp"
@@ -25,11 +26,12 @@ struct FailedPlace {
 
 /// All tubes that the votes and the image agree on, best peak first: trace from the best peak, fit, withdraw the votes
 /// of the surfels that the tube explains, go on with the best peak that is left. `votes` holds `cast`, one vote a
-/// surfel, and holds it again in the end. Stops after `max_failures` seeds that were no tubes; `failed` carries these
-/// from frame to frame, so that the next frame tries others. While it runs, readings of `map` that belong to a
-/// neighbour are taken out of it; in the end it is as it was.
+/// surfel, and holds it again in the end. Stops after `max_failures` seeds that were no tubes, or with the seed at hand
+/// when the deadline passes; `failed` carries the failures from frame to frame, so that the next frame tries others.
+/// While it runs, readings of `map` that belong to a neighbour are taken out of it; in the end it is as it was.
 std::vector<FoundTube> find_tubes(AccumulationMap& votes, std::span<const Surfel> surfels,
                                   std::span<const CastVote> cast, HeightMap& map, const TrackerConfig& config,
-                                  int max_failures, std::vector<FailedPlace>& failed, StageTimes& times);
+                                  int max_failures, Deadline& deadline, std::vector<FailedPlace>& failed,
+                                  StageTimes& times);
 
 }  // namespace tubetrack

@@ -24,6 +24,9 @@ struct TrackerConfig {
   double min_bend_radii = 4.0;    ///< nor one whose centreline bends tighter than this many tube radii
   std::optional<double> cell_m;   ///< grid step of the accumulation map; empty: matched to the sensor, about two pixels
   int threads = 1;
+  /// From the call on: when it passes, known tubes are followed still, new ones are left to the next frame, and the
+  /// status says `deadline`. Empty: none; only then are results the same in every run.
+  std::optional<double> deadline_ms;
   NoiseModel noise;
 };
 
