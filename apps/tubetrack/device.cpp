@@ -9,6 +9,9 @@
 #include "flag_values.hpp"
 #include "tubetrack/replay/camera_info.hpp"
 
+#ifdef TUBETRACK_HAS_LIBCAMERA
+#include "tubetrack/sensors/libcamera_source.hpp"
+#endif
 #ifdef TUBETRACK_HAS_OPENNI2
 #include "tubetrack/sensors/openni2_source.hpp"
 #endif
@@ -136,6 +139,46 @@ Expected<std::unique_ptr<FrameSource>> open_openni2_device(const std::string& ur
 }
 #endif
 
+#ifdef TUBETRACK_HAS_LIBCAMERA
+Expected<std::unique_ptr<FrameSource>> open_libcamera_device(const std::string& id, const DeviceRequest& request,
+                                                             const DeviceFlags& flags) {
+  const auto refuse = [](const char* text) { return tl::make_unexpected(Error::usage(text)); };
+  if (request.crop_px) return refuse("--crop: libcamera cameras send whole images; use --roi u,v,w,h");
+  if (!request.mode_unit.empty())
+    return refuse("--mode: a libcamera camera has no unit of its own; give --depth-scale");
+  if (request.fps != 0)
+    return refuse("--mode: the frames a second of a libcamera camera can't be chosen; leave @FPS out");
+  if (!flags.record_oni.empty()) return refuse(".oni is for OpenNI2 devices; record to a folder");
+  LibcameraOptions options;
+  options.width = request.width;
+  options.height = request.height;
+  options.metres_per_unit = request.metres_per_unit.value_or(0.0);
+  options.intrinsics_px = request.intrinsics_px;
+  options.calibration = request.calibration;
+  if (flags.reconnects()) return open_libcamera_reconnecting(id, options, request.reconnect);
+  return open_libcamera(id, options);
+}
+#endif
+
+/// The back-end that the device's name belongs to.
+Expected<std::unique_ptr<FrameSource>> open_source(const std::string& uri, const DeviceRequest& request,
+                                                   const DeviceFlags& flags) {
+  constexpr std::string_view kLibcamera = "libcamera";
+  if (uri == kLibcamera || uri.starts_with("libcamera:")) {
+#ifdef TUBETRACK_HAS_LIBCAMERA
+    return open_libcamera_device(uri == kLibcamera ? "" : uri.substr(kLibcamera.size() + 1), request, flags);
+#else
+    return tl::make_unexpected(
+        Error::failed("this tubetrack was built without libcamera; install libcamera-dev and build again"));
+#endif
+  }
+#ifdef TUBETRACK_HAS_OPENNI2
+  return open_openni2_device(uri, request, flags);
+#else
+  return tl::make_unexpected(without_openni2());
+#endif
+}
+
 }  // namespace
 
 Error without_openni2() {
@@ -158,14 +201,9 @@ void add_device_flags(CLI::App& command, DeviceFlags& flags) {
 Expected<std::unique_ptr<FrameSource>> open_device(const std::string& uri, const DeviceFlags& flags) {
   const auto request = read_request(flags);
   if (!request) return tl::make_unexpected(request.error());
-#ifdef TUBETRACK_HAS_OPENNI2
-  auto source = open_openni2_device(uri, *request, flags);
+  auto source = open_source(uri, *request, flags);
   if (!source) return source;
   return std::make_unique<FramesOf>(std::move(*source), request->frames);
-#else
-  static_cast<void>(uri);
-  return tl::make_unexpected(without_openni2());
-#endif
 }
 
 std::string device_note(const StreamInfo& info, const DeviceFlags& flags) {

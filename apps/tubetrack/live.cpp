@@ -16,9 +16,10 @@ namespace tubetrack {
 namespace {
 
 constexpr const char* kFooter =
-    R"(DEVICE is an URI that `tubetrack devices` lists; the first device if left out. A run that can't keep up drops the
-oldest frame and counts it ("dropped" in the lines). A device that is unplugged, or silent, is waited for and opened
-again. Ctrl-C ends the run.
+    R"(DEVICE is an URI that `tubetrack devices` lists; the first OpenNI2 device if left out. `libcamera` is the first camera
+of libcamera's, for depth that comes as grey values: it needs --depth-scale and --intrinsics. A run that can't keep up
+drops the oldest frame and counts it ("dropped" in the lines). A device that is unplugged, or silent, is waited for and
+opened again. Ctrl-C ends the run.
 
 Without a sensor, any recording can be the device (docs/live.md):
   scripts/virtual-device RECORDING tubetrack live
@@ -27,6 +28,7 @@ Examples:
   tubetrack live > tubes.jsonl
   tubetrack live --radius 0.0125 --record desk/
   tubetrack live --intrinsics 575.8,575.8,314.5,235.5 --frames 0:300
+  tubetrack live libcamera --depth-scale 0.001 --intrinsics my-camera.yaml
   tubetrack live --on-reconnect keep --status-every 60      a camera that stays where it is, for months
 
 Exit codes: 0 done or ended by Ctrl-C, 1 it failed while running (no device; lost, with --on-reconnect stop), 2 wrong usage.)";
@@ -109,7 +111,7 @@ Expected<int> live(const LiveOptions& options) {
 
 void add_live(CLI::App& app, int& exit_code) {
   auto options = std::make_shared<LiveOptions>();
-  CLI::App* command = app.add_subcommand("live", "follow the tubes that an OpenNI2 depth camera sees");
+  CLI::App* command = app.add_subcommand("live", "follow the tubes that a live depth camera sees");
   command->footer(kFooter);
   command->add_option("DEVICE", options->device, "the device to open");
   add_tracker_flags(*command, options->track);

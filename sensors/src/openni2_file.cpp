@@ -5,6 +5,7 @@
 #include <thread>
 #include <utility>
 
+#include "oni_structure.hpp"
 #include "openni2_runtime.hpp"
 #include "pixel_pool.hpp"
 
@@ -58,11 +59,14 @@ OniFileSource::~OniFileSource() {
 
 Expected<void> OniFileSource::start(const OpenNi2Options& options) {
   const std::string& name = info_.name;
-  if (device_.open(name.c_str()) != openni::STATUS_OK) {
+  if (const auto problem = oni_structure_problem(name); !problem.empty()) {
     return openni2_failed(fmt::format(
-        "{}: can't be read as .oni: {}; it is cut (a recorder that was killed leaves such) or no .oni; record again, "
-        "or record to a folder, which can be read up to its last frame",
-        name, openni2_says()));
+        "{}: can't be read as .oni: {}; record again (a recorder that is killed leaves a folder readable up "
+        "to its last frame, an .oni not)",
+        name, problem));
+  }
+  if (device_.open(name.c_str()) != openni::STATUS_OK) {
+    return openni2_failed(fmt::format("{}: can't be read as .oni: {}; record again", name, openni2_says()));
   }
   openni::PlaybackControl* playback = device_.getPlaybackControl();
   if (!device_.isFile() || playback == nullptr || !device_.hasSensor(openni::SENSOR_DEPTH)) {

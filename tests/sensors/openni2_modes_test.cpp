@@ -177,7 +177,9 @@ TEST_F(OniFile, WhatIsCutEmptyOrSomethingElseIsRefusedInOneLine) {
   std::ifstream in(path, std::ios::binary);
   const std::string whole{std::istreambuf_iterator<char>(in), {}};
   const auto broken = folder_ / "broken.oni";
-  for (const std::string& bytes : {whole.substr(0, whole.size() / 2), whole.substr(0, whole.size() - 100),
+  // The recorder fills a file up with zeros, so half of one may be whole.
+  const std::size_t size = whole.find_last_not_of('\0');
+  for (const std::string& bytes : {whole.substr(0, size / 2), whole.substr(0, size - 4), whole.substr(0, 100),
                                    std::string(), std::string("no recording at all"), std::string(4096, '\7')}) {
     std::ofstream(broken, std::ios::binary | std::ios::trunc) << bytes;
     const auto file = open_oni_file(broken, {});

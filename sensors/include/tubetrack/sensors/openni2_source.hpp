@@ -7,18 +7,12 @@
 #include <string>
 #include <vector>
 
+#include "tubetrack/sensors/device_description.hpp"
 #include "tubetrack/sensors/error.hpp"
 #include "tubetrack/sensors/frame_source.hpp"
 #include "tubetrack/sensors/reconnect.hpp"
 
 namespace tubetrack {
-
-/// A device that a live back-end can open.
-struct DeviceDescription {
-  std::string uri;  ///< what `open_openni2` takes
-  std::string vendor;
-  std::string name;
-};
 
 /// What is asked of an OpenNI2 device. What is left at 0 is chosen: 640×480 at 30 frames a second where the device has
 /// it, then what the device has set already.
