@@ -41,8 +41,8 @@ Expected<QueuedFrame> Feed::next() {
   if (!options_.realtime) return fetch();
   QueuedFrame item;
   if (!queue_.pop(item, kPatience)) item.outcome = FrameOutcome::timeout;
-  // Written by the capturing thread before it pushed device_lost, so that the queue's lock orders the two.
-  if (item.outcome == FrameOutcome::device_lost && on_frame_error_) return tl::make_unexpected(*on_frame_error_);
+  // Set by the capturing thread after the error itself and before it pushed device_lost.
+  if (item.outcome == FrameOutcome::device_lost && failed_) return tl::make_unexpected(*on_frame_error_);
   return item;
 }
 
@@ -68,11 +68,13 @@ void Feed::capture() {
     auto item = fetch();
     if (!item) {
       on_frame_error_ = std::move(item.error());
+      failed_ = true;
       queue_.push({FrameOutcome::device_lost, {}, {}});
       return;
     }
     if (item->outcome == FrameOutcome::timeout) continue;
-    const bool last = item->outcome == FrameOutcome::end_of_stream || item->outcome == FrameOutcome::device_lost;
+    const bool last = item->outcome == FrameOutcome::end_of_stream ||
+                      (item->outcome == FrameOutcome::device_lost && !options_.survive_loss);
     if (item->outcome == FrameOutcome::ok) item->frame = kept(item->frame);
     queue_.push(std::move(*item));
     if (last) return;

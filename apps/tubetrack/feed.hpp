@@ -21,6 +21,7 @@ class Feed {
   Expected<QueuedFrame> next();
   /// By the queue and by the source itself, so far.
   std::int64_t dropped() const;
+  std::int64_t dropped_by_source() const { return source_dropped_; }
 
  private:
   Expected<QueuedFrame> fetch();
@@ -33,6 +34,7 @@ class Feed {
   std::atomic<bool> stop_{false};
   std::atomic<std::int64_t> source_dropped_{0};  ///< the source is asked on its own thread only
   std::optional<Error> on_frame_error_;
+  std::atomic<bool> failed_{false};  ///< on_frame_error_ is there: after a loss that is survived, capture goes on
 };
 
 }  // namespace tubetrack

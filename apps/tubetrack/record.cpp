@@ -1,13 +1,16 @@
 #include <fmt/format.h>
 
 #include <chrono>
+#include <filesystem>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "commands.hpp"
 #include "device.hpp"
-#include "track_options.hpp"
+#include "oni_check.hpp"
+#include "run.hpp"
 #include "tubetrack/replay/recorder.hpp"
 
 namespace tubetrack {
@@ -15,12 +18,16 @@ namespace tubetrack {
 namespace {
 
 constexpr const char* kFooter =
-    R"(Writes the frames of a device as a recording in TUM form, bit for bit, until Ctrl-C or the end of --frames. What was
-written so far is readable at every moment: tubetrack replay PATH.
+    R"(Writes the frames of a device as a recording, until Ctrl-C or the end of --frames: into a folder in TUM form, bit for
+bit, readable at every moment up to its last frame; or, where PATH ends in .oni, into a file of OpenNI2's. That format is
+compressed and not bit exact for every image, and a recorder that is killed leaves a file that nothing can read; so it is
+read back at the end, and what differs is counted.
+A device that is unplugged, or silent, is waited for; an .oni goes on in a new file (desk-2.oni).
 
 Examples:
   tubetrack record desk/
   tubetrack record 1d27/0600@1/5 desk/ --frames 0:300
+  tubetrack record desk.oni
 
 Exit codes: 0 done or ended by Ctrl-C, 1 it failed while running (no device, disk full), 2 wrong usage.)";
 
@@ -28,48 +35,88 @@ constexpr std::chrono::milliseconds kPatience{100};  ///< how long Ctrl-C may ha
 
 struct RecordOptions {
   std::vector<std::string> positional;  ///< [DEVICE] PATH
-  RecordingFlags reading;
+  DeviceFlags flags;
   bool quiet = false;
 };
 
-/// Until the end of the range or Ctrl-C; the number of corrupt frames passed over.
-Expected<std::int64_t> record_frames(FrameSource& source, Recorder& recorder) {
+/// Where the frames go: one of the two.
+struct Target {
+  std::optional<Recorder> folder;
+  std::optional<OniCheck> oni;
+};
+
+struct Counts {
+  std::int64_t frames = 0;
   std::int64_t corrupt = 0;
+};
+
+Expected<void> write(Target& target, const DepthFrame& frame) {
+  if (target.folder) return target.folder->write(frame);
+  target.oni->add(frame);
+  return {};
+}
+
+/// Until the end of the range or Ctrl-C.
+Expected<void> record_frames(FrameSource& source, Target& target, bool quiet, Counts& counts) {
   DepthFrame frame;
   while (!interrupted()) {
     const FrameOutcome outcome = source.next(frame, kPatience);
     if (outcome == FrameOutcome::end_of_stream) break;
-    if (outcome == FrameOutcome::corrupt) ++corrupt;
+    if (outcome == FrameOutcome::corrupt) ++counts.corrupt;
     if (outcome == FrameOutcome::device_lost) {
-      return tl::make_unexpected(
-          Error::failed(fmt::format("{}: {}; the {} frames before are recorded", source.info().name,
-                                    source.last_problem(), recorder.frames_written())));
+      if (target.oni) target.oni->next_piece();
+      if (!quiet) {
+        fmt::print(stderr, "note: {}: {}; the {} frames before are recorded; waiting for it to be back\n",
+                   source.info().name, source.last_problem(), counts.frames);
+      }
     }
     if (outcome != FrameOutcome::ok) continue;
-    if (auto written = recorder.write(frame); !written) return tl::make_unexpected(written.error());
+    if (auto written = write(target, frame); !written) return written;
+    ++counts.frames;
   }
-  return corrupt;
+  return {};
+}
+
+Expected<Target> open_target(const std::filesystem::path& path, bool oni, const StreamInfo& info) {
+  Target target;
+  if (oni) {
+    target.oni.emplace(path);
+    return target;
+  }
+  auto recorder = Recorder::create(path, info);
+  if (!recorder) return tl::make_unexpected(recorder.error());
+  target.folder = std::move(*recorder);
+  return target;
 }
 
 Expected<void> record(const RecordOptions& options) {
-  const auto reading = recording_options_from(options.reading);
-  if (!reading) return tl::make_unexpected(reading.error());
-  const std::string& path = options.positional.back();
-  const auto source = open_device(options.positional.size() == 2 ? options.positional.front() : "", *reading);
+  const std::filesystem::path path = options.positional.back();
+  DeviceFlags flags = options.flags;
+  const bool oni = path.extension() == ".oni";
+  if (oni) flags.record_oni = path;
+  auto source = open_device(options.positional.size() == 2 ? options.positional.front() : "", flags);
   if (!source) return tl::make_unexpected(source.error());
-  auto recorder = Recorder::create(path, (*source)->info());
-  if (!recorder) return tl::make_unexpected(recorder.error());
-  if (!options.quiet) fmt::print(stderr, "note: {}\n", device_note((*source)->info(), *reading));
+  const std::string name = (*source)->info().name;
+  auto target = open_target(path, oni, (*source)->info());
+  if (!target) return tl::make_unexpected(target.error());
+  if (!options.quiet) fmt::print(stderr, "note: {}\n", device_note((*source)->info(), flags));
   catch_interrupts();
-  const auto corrupt = record_frames(**source, *recorder);
+  Counts counts;
+  auto recorded = record_frames(**source, *target, options.quiet, counts);
+  const std::int64_t dropped = (*source)->dropped();
+  source->reset();  // closes the file
+  no_hurry();
   if (!options.quiet) {
-    fmt::print(stderr, "{}: {} frames recorded, {} dropped, {} corrupt\n", path, recorder->frames_written(),
-               (*source)->dropped(), corrupt.value_or(0));
+    fmt::print(stderr, "{}: {} frames recorded, {} dropped, {} corrupt\n", path.string(), counts.frames, dropped,
+               counts.corrupt);
   }
-  if (!corrupt) return tl::make_unexpected(corrupt.error());
-  if (recorder->frames_written() == 0 && !interrupted()) {
-    return tl::make_unexpected(Error::failed(fmt::format("{}: not one frame came", (*source)->info().name)));
+  if (recorded && counts.frames == 0 && !interrupted()) {
+    return tl::make_unexpected(Error::failed(fmt::format("{}: not one frame came", name)));
   }
+  if (!recorded || !oni || counts.frames == 0) return recorded;
+  const auto checked = target->oni->read_back();
+  if (!checked) return tl::make_unexpected(checked.error());
+  if (!options.quiet) fmt::print(stderr, "{}\n", *checked);
   return {};
 }
 
@@ -77,13 +124,15 @@ Expected<void> record(const RecordOptions& options) {
 
 void add_record(CLI::App& app, int& exit_code) {
   auto options = std::make_shared<RecordOptions>();
-  CLI::App* command = app.add_subcommand("record", "record the frames of an OpenNI2 depth camera");
+  CLI::App* command = app.add_subcommand("record", "record the frames of a live depth camera");
   command->footer(kFooter);
-  command->add_option("PATH", options->positional, "the folder to record to; before it, the device to open")
+  command
+      ->add_option("PATH", options->positional,
+                   "the folder, or the .oni file, to record to; before it, the device to open")
       ->required()
       ->expected(1, 2)
       ->type_name("[DEVICE] PATH");
-  add_recording_flags(*command, options->reading);
+  add_device_flags(*command, options->flags);
   command->add_flag("--quiet", options->quiet, "no notes and no summary on stderr; errors only");
   command->callback([options, &exit_code] {
     const auto done = record(*options);

@@ -4,10 +4,8 @@
 #include <unistd.h>
 
 #include <algorithm>
-#include <atomic>
 #include <cerrno>
 #include <chrono>
-#include <csignal>
 #include <cstdio>
 #include <cstring>
 #include <memory>
@@ -15,6 +13,7 @@
 #include <vector>
 
 #include "feed.hpp"
+#include "live_status.hpp"
 #include "tubetrack/report/overlay.hpp"
 #include "tubetrack/report/result_json.hpp"
 #include "tubetrack/report/summary.hpp"
@@ -22,9 +21,6 @@
 namespace tubetrack {
 
 namespace {
-
-std::atomic<bool> g_interrupted{false};
-static_assert(std::atomic<bool>::is_always_lock_free, "set from a signal handler");
 
 /// The result lines' way out: stdout or a file, each line flushed whole.
 class LineWriter {
@@ -111,19 +107,62 @@ struct Run {
   LineWriter writer;
   Feed feed;
   Progress progress;
+  LiveStatus status;
   RunSummary summary;
   bool radius_checked = false;
+  bool lost = false;            ///< and not back yet
+  std::int64_t highest_id = 0;  ///< of all tubes so far
+  std::int64_t ids_before = 0;  ///< of trackers before this one
 };
+
+/// Once per loss: it may be weeks until somebody reads this.
+Expected<void> lose_device(Run& run, const std::string& why) {
+  const std::string text = fmt::format("{}: {}", run.source.info().name, why.empty() ? "lost" : why);
+  if (!run.options.survive_loss) {
+    return tl::make_unexpected(
+        Error::failed(fmt::format("{}; the {} frames before are written", text, run.summary.frames)));
+  }
+  run.status.lost(run.summary);
+  run.lost = true;
+  if (!run.options.quiet) fmt::print(stderr, "note: {}; waiting for it to be back\n", text);
+  return {};
+}
+
+Expected<void> welcome_back(Run& run) {
+  run.lost = false;
+  if (!run.options.quiet) {
+    fmt::print(stderr, "note: {}: is back; {}\n", run.source.info().name,
+               run.options.fresh_tracker ? "tracking starts anew" : "its map and tubes were kept");
+  }
+  if (!run.options.fresh_tracker) return {};
+  auto tracker = run.options.fresh_tracker();
+  if (!tracker) return tl::make_unexpected(tracker.error());
+  run.tracker = std::move(*tracker);
+  run.ids_before = run.highest_id;
+  return {};
+}
+
+void number_tubes(Run& run, TubeFrame& result) {
+  for (Tube& tube : result.tubes) {
+    tube.id += run.ids_before;
+    run.highest_id = std::max(run.highest_id, tube.id);
+  }
+}
 
 Expected<void> handle(Run& run, const QueuedFrame& item) {
   const StreamInfo& info = run.source.info();
   if (item.outcome == FrameOutcome::ok && !std::exchange(run.radius_checked, true)) {
     if (auto fits = check_radius(run.options.smallest_radius_m, item.frame, info.name); !fits) return fits;
   }
+  if (run.lost && item.outcome == FrameOutcome::ok) {
+    if (auto back = welcome_back(run); !back) return back;
+  }
   TubeFrame result = track_or_explain(item.outcome, item.frame, item.problem, info, run.tracker);
+  number_tubes(run, result);
   result.dropped = run.feed.dropped();
   add_frame(run.summary, result);
   if (auto written = run.writer.write(result_line(result, run.options.with_timing)); !written) return written;
+  if (item.outcome == FrameOutcome::ok) run.status.add(item.frame, run.summary);
   if (!run.options.overlay_dir.empty() && item.frame.pixels != nullptr) {
     const auto path = run.options.overlay_dir / fmt::format("{:06}.png", result.frame);
     if (auto written = write_overlay(path, item.frame, info.intrinsics, result); !written) return written;
@@ -132,17 +171,24 @@ Expected<void> handle(Run& run, const QueuedFrame& item) {
   return {};
 }
 
+void tell_status(Run& run) {
+  if (const auto line = run.status.line_if_due(run.summary)) {
+    run.progress.clear();
+    fmt::print(stderr, "{}\n", *line);
+  }
+}
+
 /// Until the end of the stream or Ctrl-C.
 Expected<void> loop(Run& run) {
   while (!interrupted()) {
     auto item = run.feed.next();
     if (!item) return tl::make_unexpected(item.error());
+    tell_status(run);
     if (item->outcome == FrameOutcome::timeout) continue;
     if (item->outcome == FrameOutcome::end_of_stream) return {};
     if (item->outcome == FrameOutcome::device_lost) {
-      return tl::make_unexpected(
-          Error::failed(fmt::format("{}: {}; the {} frames before are written", run.source.info().name,
-                                    item->problem.empty() ? "lost" : item->problem, run.summary.frames)));
+      if (auto survived = lose_device(run, item->problem); !survived) return survived;
+      continue;
     }
     if (auto handled = handle(run, *item); !handled) return handled;
   }
@@ -178,19 +224,6 @@ Expected<void> make_folder(const std::filesystem::path& path) {
 int report_error(const Error& error) {
   fmt::print(stderr, "tubetrack: {}\n", error.message);
   return error.kind == Error::Kind::usage ? 2 : 1;
-}
-
-void catch_interrupts() {
-  g_interrupted = false;
-  struct sigaction action = {};
-  action.sa_handler = [](int) { g_interrupted = true; };
-  action.sa_flags = static_cast<int>(SA_RESETHAND);  // a second Ctrl-C ends the program
-  sigaction(SIGINT, &action, nullptr);
-  sigaction(SIGTERM, &action, nullptr);
-}
-
-bool interrupted() {
-  return g_interrupted;
 }
 
 double median_depth_m(const DepthFrame& frame) {
@@ -232,10 +265,17 @@ int run_tracker(FrameSource& source, TubeTracker& tracker, const RunOptions& opt
     if (auto made = make_folder(options.overlay_dir); !made) return report_error(made.error());
   }
   catch_interrupts();
-  Run run{source, tracker, options, std::move(*writer), {source, options}, {options.quiet, source.info().frame_count},
+  Run run{source,
+          tracker,
+          options,
+          std::move(*writer),
+          {source, options},
+          {options.quiet, source.info().frame_count},
+          LiveStatus(options.status_every_s),
           {}};
   const auto ended = loop(run);
   run.progress.clear();
+  run.summary.live.device_dropped = run.feed.dropped_by_source();
   if (!options.quiet && run.summary.frames > 0) fmt::print(stderr, "{}", summary_text(run.summary));
   if (!ended) return report_error(ended.error());
   return exit_code_of(run);

@@ -79,6 +79,18 @@ Expected<PlayerSettings> player_settings_from_environment() {
     if (!at_end) return tl::make_unexpected(at_end.error());
     settings.at_end = *at_end;
   }
+  settings.fault_script = environment("TUBETRACK_VIRTUAL_FAULTS").value_or("");
+  if (settings.fault_script.empty() && !settings.recording.empty()) {
+    std::filesystem::path beside = settings.recording;
+    if (!beside.has_filename()) beside = beside.parent_path();
+    beside += ".faults";
+    std::error_code ignored;
+    if (std::filesystem::exists(beside, ignored)) settings.fault_script = beside;
+  }
+  if (const auto text = environment("TUBETRACK_VIRTUAL_MIRROR")) {
+    if (*text != "on" && *text != "always") return refuse("TUBETRACK_VIRTUAL_MIRROR", *text, "on or always");
+    settings.always_mirrored = *text == "always";
+  }
   return settings;
 }
 
@@ -86,10 +98,10 @@ void write_pixels(const DepthFrame& frame, const OutputFormat& format, std::uint
   const double factor = frame.metres_per_unit / format.metres_per_unit;
   const bool same_unit = std::abs(factor - 1.0) < 1e-9;
   for (int v = 0; v < format.height; ++v) {
-    const std::uint16_t* row = frame.row(format.origin_v + v);
+    const std::uint16_t* row = frame.row((format.origin_v + v) * format.step);
     for (int i = 0; i < format.width; ++i) {
       const int u = format.origin_u + i;
-      const std::uint16_t value = row[format.mirrored ? frame.width - 1 - u : u];
+      const std::uint16_t value = row[(format.mirrored ? frame.width / format.step - 1 - u : u) * format.step];
       if (same_unit) {
         *out++ = value;
       } else {
@@ -108,19 +120,20 @@ RecordingPlayer::RecordingPlayer(PlayerSettings settings, PlayerCallbacks callba
 RecordingPlayer::~RecordingPlayer() = default;
 
 void RecordingPlayer::run(const std::stop_token& stop) {
+  if (!settings_.lockstep.empty()) lines_at_start_ = count_lines(settings_.lockstep);
   wait_until_ready(stop);
-  started_ = Clock::now();
+  started_ = silent_until_ = Clock::now();
   while (!stop.stop_requested()) {
     // Opened again each round: a source can't be wound back. It opened before, so if it fails now it is gone: stall.
     auto recording = open_recording(settings_.recording, settings_.options);
-    if (!recording || play_once(*recording->source, stop) == 0) return;
-    if (settings_.at_end == AtEnd::unplug && !stop.stop_requested()) callbacks_.on_unplug();
+    if (!recording || play_once(*recording->source, stop) == 0 || unplugged_) return;
+    if (settings_.at_end == AtEnd::unplug && !stop.stop_requested()) callbacks_.on_unplug(-1.0);
     if (settings_.at_end != AtEnd::repeat) return;
   }
 }
 
 std::int64_t RecordingPlayer::play_once(FrameSource& source, const std::stop_token& stop) {
-  const std::int64_t sent_before = sent_;
+  const std::int64_t played_before = played_;
   const std::int64_t first_index = next_index_;
   std::optional<double> first_timestamp_s;
   double last_timestamp_s = 0.0;
@@ -131,26 +144,30 @@ std::int64_t RecordingPlayer::play_once(FrameSource& source, const std::stop_tok
     if (outcome != FrameOutcome::ok) continue;
     if (!first_timestamp_s) {
       first_timestamp_s = frame.timestamp_s;
-      if (sent_ == 0) first_timestamp_s_ = next_timestamp_s_ = frame.timestamp_s;
+      if (played_ == 0) first_timestamp_s_ = next_timestamp_s_ = frame.timestamp_s;
       offset_s_ = next_timestamp_s_ - frame.timestamp_s;
     }
     last_timestamp_s = frame.timestamp_s;
     frame.timestamp_s += offset_s_;
     frame.index += first_index;
-    wait_for_turn(frame.timestamp_s, stop);
-    if (stop.stop_requested()) break;
-    callbacks_.on_frame(frame);
-    ++sent_;
+    const FaultTurn turn = callbacks_.next_turn();
+    const bool send = wait_for_turn(frame.timestamp_s, turn, stop);
+    if (stop.stop_requested() || unplugged_) break;
+    ++played_;
     next_index_ = frame.index + 1;
+    if (!send) continue;
+    frame.timestamp_s += turn.time_shift_s;
+    callbacks_.on_frame(frame, turn.cut);
+    ++sent_;
   }
-  const std::int64_t sent = sent_ - sent_before;
-  if (sent > 0 && first_timestamp_s) {
+  const std::int64_t played = played_ - played_before;
+  if (played > 0 && first_timestamp_s) {
     // A repeat follows at the recording's mean pace.
     const double round_s = last_timestamp_s - *first_timestamp_s;
-    const double interval_s = sent > 1 ? round_s / static_cast<double>(sent - 1) : 1.0 / 30.0;
+    const double interval_s = played > 1 ? round_s / static_cast<double>(played - 1) : 1.0 / 30.0;
     next_timestamp_s_ = last_timestamp_s + offset_s_ + interval_s;
   }
-  return sent;
+  return played;
 }
 
 void RecordingPlayer::wait_until_ready(const std::stop_token& stop) {
@@ -160,13 +177,26 @@ void RecordingPlayer::wait_until_ready(const std::stop_token& stop) {
   }
 }
 
-void RecordingPlayer::wait_for_turn(double timestamp_s, const std::stop_token& stop) {
+bool RecordingPlayer::wait_for_turn(double timestamp_s, const FaultTurn& turn, const std::stop_token& stop) {
+  if (turn.unplug_for_s) {
+    unplugged_ = true;
+    callbacks_.on_unplug(*turn.unplug_for_s);
+    return false;
+  }
+  if (turn.stall_s > 0.0) {
+    silent_until_ = Clock::now() + std::chrono::duration_cast<Clock::duration>(
+                                       std::chrono::duration<double>(turn.stall_s / settings_.speed));
+    wait_until(silent_until_, stop);
+  }
   if (!settings_.lockstep.empty()) {
-    while (!stop.stop_requested() && count_lines(settings_.lockstep) < sent_) wait_until(Clock::now() + kPoll, stop);
-    return;
+    const auto taken = [this] { return count_lines(settings_.lockstep) - lines_at_start_; };
+    while (!turn.at_once && !stop.stop_requested() && taken() < sent_) wait_until(Clock::now() + kPoll, stop);
+    return !turn.drop;
   }
   const std::chrono::duration<double> since_first((timestamp_s - first_timestamp_s_) / settings_.speed);
-  wait_until(started_ + std::chrono::duration_cast<Clock::duration>(since_first), stop);
+  const auto due = started_ + std::chrono::duration_cast<Clock::duration>(since_first);
+  if (!turn.at_once) wait_until(due, stop);
+  return !turn.drop && due >= silent_until_;
 }
 
 void RecordingPlayer::wait_until(Clock::time_point due, const std::stop_token& stop) {

@@ -9,6 +9,7 @@
 #include <string>
 #include <thread>
 
+#include "faults.hpp"
 #include "tubetrack/replay/recording.hpp"
 
 namespace tubetrack {
@@ -22,9 +23,11 @@ struct PlayerSettings {
   std::filesystem::path recording;
   RecordingOptions options;
   AtEnd at_end = AtEnd::repeat;
-  double speed = 1.0;  ///< 2: twice as fast as recorded
-  std::filesystem::path
-      lockstep;  ///< frame n (from 0) waits until this file has n lines; empty: frames keep their time
+  double speed = 1.0;                  ///< 2: twice as fast as recorded
+  std::filesystem::path lockstep;      ///< frame n (from 0) waits until this file has n lines more than at the stream's
+                                       ///< start; empty: frames keep their time
+  std::filesystem::path fault_script;  ///< empty: none
+  bool always_mirrored = false;        ///< the device does not switch mirroring off
 };
 
 /// Reads TUBETRACK_VIRTUAL_DEVICE and its companions; the error names the variable. The recording is empty where
@@ -37,6 +40,7 @@ Expected<PlayerSettings> player_settings_from_environment();
 struct OutputFormat {
   double metres_per_unit = 0.001;
   bool mirrored = false;
+  int step = 1;  ///< 2: every second row and column; origin and size count those
   int origin_u = 0;
   int origin_v = 0;
   int width = 0;
@@ -51,9 +55,13 @@ struct PlayerCallbacks {
   std::function<bool()> ready;
   /// Each good frame; timestamps and indices go on rising over repeats. A corrupt frame is skipped and leaves a gap in
   /// the index.
-  std::function<void(const DepthFrame&)> on_frame;
-  /// Once, after the last frame, when at_end is `unplug`.
-  std::function<void()> on_unplug;
+  /// `cut`: half of its rows are missing.
+  std::function<void(const DepthFrame&, bool cut)> on_frame;
+  /// What is to happen with the next frame; asked once for each.
+  std::function<FaultTurn()> next_turn;
+  /// Where a fault says so, and after the last frame when at_end is `unplug`; no frame follows. The device is back
+  /// after `back_after_s`, below 0 never.
+  std::function<void(double back_after_s)> on_unplug;
 };
 
 /// Plays a recording on a thread of its own, each frame at its time.
@@ -70,14 +78,19 @@ class RecordingPlayer {
   /// Plays it once; the number of frames sent.
   std::int64_t play_once(FrameSource& source, const std::stop_token& stop);
   void wait_until_ready(const std::stop_token& stop);
-  void wait_for_turn(double timestamp_s, const std::stop_token& stop);
+  /// False where the frame is not to be sent: lost in a stall, dropped, or the device is unplugged.
+  bool wait_for_turn(double timestamp_s, const FaultTurn& turn, const std::stop_token& stop);
   void wait_until(Clock::time_point due, const std::stop_token& stop);
 
   PlayerSettings settings_;
   PlayerCallbacks callbacks_;
   Clock::time_point started_;
   double first_timestamp_s_ = 0.0;
-  double offset_s_ = 0.0;  ///< added to the recording's timestamps in this round
+  double offset_s_ = 0.0;           ///< added to the recording's timestamps in this round
+  Clock::time_point silent_until_;  ///< what was due before is lost
+  bool unplugged_ = false;
+  std::int64_t lines_at_start_ = 0;  ///< of the lockstep file
+  std::int64_t played_ = 0;
   std::int64_t sent_ = 0;
   std::int64_t next_index_ = 0;
   double next_timestamp_s_ = 0.0;  ///< where a repeat would go on

@@ -1,4 +1,4 @@
-#include "camera_info.hpp"
+#include "tubetrack/replay/camera_info.hpp"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>

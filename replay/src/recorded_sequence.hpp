@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "camera_info.hpp"
+#include "tubetrack/replay/camera_info.hpp"
 #include "tubetrack/replay/recording.hpp"
 
 namespace tubetrack {

@@ -7,7 +7,7 @@
 #include <cerrno>
 #include <cstring>
 
-#include "camera_info.hpp"
+#include "tubetrack/replay/camera_info.hpp"
 #include "image_file.hpp"
 
 namespace tubetrack {

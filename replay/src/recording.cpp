@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "image_file.hpp"
+#include "oni_recording.hpp"
 #include "recorded_sequence.hpp"
 
 namespace tubetrack {
@@ -227,6 +228,12 @@ Expected<Clip> clip_range(const RecordedSequence& sequence, FrameRange range) {
 }  // namespace
 
 Expected<OpenedRecording> open_recording(const std::filesystem::path& path, const RecordingOptions& options) {
+  std::error_code ignored;
+  if (path.extension() == ".oni" && std::filesystem::is_regular_file(path, ignored)) {
+    auto source = open_oni_recording(path, options);
+    if (!source) return tl::make_unexpected(source.error());
+    return OpenedRecording{std::move(*source), {}};
+  }
   auto sequence = read_sequence(path);
   if (!sequence) return tl::make_unexpected(sequence.error());
   const auto range = clip_range(*sequence, options.frames);

@@ -3,8 +3,9 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <cmath>
 #include <iterator>
+#include <utility>
+#include <vector>
 
 #include "tubetrack/report/result_json.hpp"
 
@@ -14,13 +15,25 @@ namespace {
 
 constexpr std::size_t kMaxTubesShown = 20;
 
-/// The smallest value with at least `part` of all at or below it; 0 for no values.
-double quantile(std::vector<float> values, double part) {
-  if (values.empty()) return 0.0;
-  const auto rank = static_cast<std::size_t>(std::ceil(part * static_cast<double>(values.size())));
-  const auto nth = values.begin() + static_cast<std::ptrdiff_t>(std::clamp<std::size_t>(rank, 1, values.size()) - 1);
-  std::nth_element(values.begin(), nth, values.end());
-  return *nth;
+/// A tube's totals take 4 kB: a run of months forgets those it hardly saw.
+constexpr std::size_t kMostTubes = 1000;
+
+constexpr std::pair<const char*, double StageTimes::*> kStages[] = {{"update", &StageTimes::update_ms},
+                                                                    {"normals", &StageTimes::normals_ms},
+                                                                    {"accumulate", &StageTimes::accumulate_ms},
+                                                                    {"trace", &StageTimes::trace_ms},
+                                                                    {"fit", &StageTimes::fit_ms},
+                                                                    {"segment", &StageTimes::segment_ms}};
+
+/// Down to half of what is kept, those seen in the fewest frames first, of these the oldest.
+void forget_tubes(RunSummary& summary) {
+  std::vector<std::pair<std::int64_t, std::int64_t>> by_frames;
+  by_frames.reserve(summary.tubes.size());
+  for (const auto& [id, totals] : summary.tubes) by_frames.emplace_back(totals.frames, id);
+  std::sort(by_frames.begin(), by_frames.end());
+  by_frames.resize(by_frames.size() - kMostTubes / 2);
+  for (const auto& [frames, id] : by_frames) summary.tubes.erase(id);
+  summary.tubes_forgotten += static_cast<std::int64_t>(by_frames.size());
 }
 
 void append_tubes(std::string& text, const RunSummary& summary) {
@@ -30,37 +43,31 @@ void append_tubes(std::string& text, const RunSummary& summary) {
   std::stable_sort(tubes.begin(), tubes.end(),
                    [](const auto* a, const auto* b) { return a->second.frames > b->second.frames; });
   auto out = std::back_inserter(text);
-  fmt::format_to(out, "tubes {}{}\n", tubes.size(), tubes.empty() ? "" : ", the longest seen first (medians):");
+  fmt::format_to(out, "tubes {}{}\n", tubes.size() + static_cast<std::size_t>(summary.tubes_forgotten),
+                 tubes.empty() ? "" : ", the longest seen first (medians):");
   if (tubes.empty()) return;
   fmt::format_to(out, "  {:>5} {:>10} {:>10} {:>8}  {}\n", "id", "radius mm", "length mm", "frames", "first-last");
   for (std::size_t i = 0; i < std::min(tubes.size(), kMaxTubesShown); ++i) {
     const auto& [id, totals] = *tubes[i];
-    fmt::format_to(out, "  {:>5} {:>10.1f} {:>10.0f} {:>8}  {}-{}\n", id, quantile(totals.radius_m, 0.5) * 1e3,
-                   quantile(totals.length_m, 0.5) * 1e3, totals.frames, totals.first_frame, totals.last_frame);
+    fmt::format_to(out, "  {:>5} {:>10.1f} {:>10.0f} {:>8}  {}-{}\n", id, totals.radius_m.at(0.5) * 1e3,
+                   totals.length_m.at(0.5) * 1e3, totals.frames, totals.first_frame, totals.last_frame);
   }
-  if (tubes.size() > kMaxTubesShown) fmt::format_to(out, "  … and {} more\n", tubes.size() - kMaxTubesShown);
+  const auto more = static_cast<std::int64_t>(tubes.size()) - static_cast<std::int64_t>(kMaxTubesShown);
+  if (more > 0) fmt::format_to(out, "  … and {} more\n", more + summary.tubes_forgotten);
 }
 
 void append_times(std::string& text, const RunSummary& summary) {
   if (summary.latency_ms.empty()) return;
-  constexpr std::pair<const char*, double StageTimes::*> kStages[] = {{"update", &StageTimes::update_ms},
-                                                                      {"normals", &StageTimes::normals_ms},
-                                                                      {"accumulate", &StageTimes::accumulate_ms},
-                                                                      {"trace", &StageTimes::trace_ms},
-                                                                      {"fit", &StageTimes::fit_ms},
-                                                                      {"segment", &StageTimes::segment_ms}};
   auto out = std::back_inserter(text);
-  const auto row = [&](const char* name, const std::vector<float>& values) {
-    fmt::format_to(out, "  {:<12} {:>8.2f} {:>8.2f}\n", name, quantile(values, 0.5), quantile(values, 0.99));
+  const auto row = [&](const char* name, const Quantiles& values) {
+    fmt::format_to(out, "  {:<12} {:>8.2f} {:>8.2f}\n", name, values.at(0.5), values.at(0.99));
   };
   fmt::format_to(out, "  {:<12} {:>8} {:>8}\n", "ms a frame", "median", "p99");
   row("latency", summary.latency_ms);
-  for (const auto& [name, member] : kStages) {
-    std::vector<float> values;
-    values.reserve(summary.stages.size());
-    for (const StageTimes& times : summary.stages) values.push_back(static_cast<float>(times.*member));
-    row(name, values);
-  }
+  for (std::size_t i = 0; i < summary.stages_ms.size(); ++i) row(kStages[i].first, summary.stages_ms[i]);
+  const LiveFigures& live = summary.live;
+  if (!live.result_ms.empty()) row("to result", live.result_ms);
+  if (!live.jitter_ms.empty()) row("jitter", live.jitter_ms);
 }
 
 }  // namespace
@@ -77,15 +84,18 @@ void add_frame(RunSummary& summary, const TubeFrame& frame) {
     return;
   }
   summary.frames_with_tubes += frame.tubes.empty() ? 0 : 1;
-  summary.latency_ms.push_back(static_cast<float>(frame.latency_ms));
-  summary.stages.push_back(frame.stages);
+  summary.latency_ms.add(static_cast<float>(frame.latency_ms));
+  for (std::size_t i = 0; i < summary.stages_ms.size(); ++i) {
+    summary.stages_ms[i].add(static_cast<float>(frame.stages.*kStages[i].second));
+  }
   for (const Tube& tube : frame.tubes) {
     auto& totals = summary.tubes[tube.id];
     if (totals.frames++ == 0) totals.first_frame = frame.frame;
     totals.last_frame = frame.frame;
-    totals.radius_m.push_back(static_cast<float>(tube.radius_m));
-    totals.length_m.push_back(static_cast<float>(tube.length_m));
+    totals.radius_m.add(static_cast<float>(tube.radius_m));
+    totals.length_m.add(static_cast<float>(tube.length_m));
   }
+  if (summary.tubes.size() > kMostTubes) forget_tubes(summary);
 }
 
 std::int64_t bad_frames(const RunSummary& summary) {
@@ -98,7 +108,11 @@ std::string summary_text(const RunSummary& summary) {
   std::string text =
       fmt::format("frames {}, with tubes {}, bad {}", summary.frames, summary.frames_with_tubes, bad_frames(summary));
   for (const auto& [status, frames] : summary.bad) text += fmt::format(" ({} {})", frames, status_name(status));
-  text += fmt::format(", dropped {}\n", summary.dropped);
+  text += fmt::format(", dropped {}", summary.dropped);
+  const LiveFigures& live = summary.live;
+  if (!live.result_ms.empty()) text += fmt::format(" ({} by the device)", live.device_dropped);
+  if (live.losses > 0) text += fmt::format(", lost {} times for {:.1f} s in all", live.losses, live.lost_s);
+  text += '\n';
   append_tubes(text, summary);
   append_times(text, summary);
   return text;

@@ -34,7 +34,7 @@ struct OpenedRecording {
   std::vector<std::string> notes;
 };
 
-/// Opens any recording of DESIGN §4: TUM folder, bare folder of 16-bit images, BOP scene.
+/// Opens any recording of DESIGN §4: TUM folder, bare folder of 16-bit images, BOP scene, .oni file.
 Expected<OpenedRecording> open_recording(const std::filesystem::path& path, const RecordingOptions& options);
 
 }  // namespace tubetrack

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <Eigen/Geometry>
+#include <chrono>
 #include <cstddef>
 #include <cstdint>
 #include <memory>
@@ -16,7 +17,8 @@ struct DepthFrame {
   int height = 0;
   std::size_t stride_bytes = 0;
   double metres_per_unit = 0.001;
-  double timestamp_s = 0.0;
+  double timestamp_s = 0.0;                                 ///< the device's clock (live) or the recording's
+  std::chrono::steady_clock::time_point received = {};      ///< live: when it arrived, on the host's clock
   std::int64_t index = 0;                                   ///< counted by the source, from 0
   std::optional<Eigen::Isometry3d> world_from_camera = {};  ///< empty: no poses, or (pose_missing) none near enough
   bool pose_missing = false;                                ///< the source has poses, but none within 20 ms
