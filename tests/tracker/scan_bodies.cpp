@@ -132,8 +132,15 @@ double distance_from(const std::vector<Eigen::Vector3d>& line_m, const Eigen::Ve
 }
 
 LineError error_of(const std::vector<Eigen::Vector3d>& nodes_m, const PartChain& chain) {
-  const double length_m = length_of(chain);
-  const std::vector<Eigen::Vector3d> truth_m = points_along(chain, length_m / 5000.0);
+  // A rounded end goes on beyond the chain's: what counts is how far a node is off sideways.
+  PartChain longer = chain;
+  constexpr double kBeyond_m = 0.02;
+  if (!chain.bends.empty() && chain.bends.front().straight_m > 0.0) {
+    longer.start_m -= kBeyond_m * chain.direction;
+    longer.bends.front().straight_m += kBeyond_m;
+    longer.closing_m += kBeyond_m;
+  }
+  const std::vector<Eigen::Vector3d> truth_m = points_along(longer, length_of(longer) / 5000.0);
   LineError error;
   for (const Eigen::Vector3d& node_m : nodes_m) {
     const double off_m = distance_from(truth_m, node_m);

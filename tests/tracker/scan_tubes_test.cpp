@@ -4,6 +4,7 @@
 
 #include <chrono>
 #include <cmath>
+#include <iostream>
 #include <numbers>
 
 #include "scan_bodies.hpp"
@@ -57,6 +58,11 @@ TubeFrame tubes_of(const Scan& scan, ScanTubesConfig config = {}) {
               "%.0f, parts %.0f), %zu tubes\n",
               surfels.size(), 1e3 * scan.grid_step_m, 1e3 * config.radius_min_m, 1e3 * config.radius_max_m,
               frame.latency_ms, t.normals_ms, t.accumulate_ms, t.trace_ms, t.fit_ms, t.segment_ms, frame.tubes.size());
+  for (std::size_t i = 1; i < frame.tubes.size(); ++i) {
+    const Tube& tube = frame.tubes[i];
+    std::cout << "  tube " << i + 1 << ": radius " << 1e3 * tube.radius_m << ", length " << 1e3 * tube.length_m << ", from "
+              << 1e3 * tube.centerline_m.front().transpose() << " mm\n";
+  }
   return frame;
 }
 

@@ -16,7 +16,7 @@ namespace {
 constexpr double kStationRadii = 0.5;
 constexpr int kBins = 36;  // of a section
 constexpr double kBin_rad = 2.0 * std::numbers::pi / kBins;
-constexpr double kAgreeRadii = 0.15, kMostAgreeRadii = 0.25, kAgreeSigmas = 3.0;
+constexpr double kAgreeRadii = 0.2, kMostAgreeRadii = 0.25, kAgreeSigmas = 3.0;
 constexpr double kAgreeFacing = 0.85;  // 32°
 constexpr double kMaxGapRadii = 3.0;
 
@@ -55,9 +55,19 @@ std::uint64_t bins_around(double angle_rad, double half_rad) {
   return bins;
 }
 
+struct RadiusSums {
+  double count = 0.0, sum = 0.0, squares = 0.0;
+  RadiusSums& operator+=(const RadiusSums& other) {
+    count += other.count;
+    sum += other.sum;
+    squares += other.squares;
+    return *this;
+  }
+};
+
 struct Sections {
   std::vector<std::uint64_t> by_place, by_normal;  // one a station
-  std::vector<std::array<double, kBins>> weight, radius_sum;
+  std::vector<std::array<RadiusSums, kBins>> radii;
   std::vector<std::vector<double>> t_agreeing;
 };
 
@@ -104,36 +114,37 @@ double end_of(const Sections& sections, std::size_t station, bool front) {
   return front ? t[left_out] : t[t.size() - 1 - left_out];
 }
 
-double profile_rms(const Sections& sections, const std::vector<ScanStation>& stations, std::size_t first,
-                   std::size_t last) {
-  // Over stretches of four radii: over all of a long tube a section that turns along it would be smeared out.
+/// RMS of the section's shape against its mean, over stretches of four radii (a section that turns along a long tube
+/// would be smeared out) or as many more as it takes to have enough surfels; less what the scatter within the bins adds.
+double profile_rms(const Sections& sections, std::size_t first, std::size_t last) {
   constexpr std::size_t kPooled = 8;
+  constexpr double kEnough = 8.0 * kBins;
   double sum = 0.0, count = 0.0;
-  for (std::size_t begin = first; begin <= last; begin += kPooled) {
-    std::array<double, kBins> weight{}, radius_sum{};
-    double all = 0.0, all_sum = 0.0;
-    for (std::size_t i = begin; i <= std::min(last, begin + kPooled - 1); ++i) {
-      for (std::size_t bin = 0; bin < kBins; ++bin) {
-        weight[bin] += sections.weight[i][bin];
-        radius_sum[bin] += sections.radius_sum[i][bin];
-      }
+  for (std::size_t begin = first, end = first; begin <= last; begin = end) {
+    std::array<RadiusSums, kBins> bins{};
+    double pooled = 0.0;
+    for (; end <= last && (end < begin + kPooled || pooled < kEnough); ++end) {
+      pooled += static_cast<double>(sections.t_agreeing[end].size());
+      for (std::size_t bin = 0; bin < kBins; ++bin) bins[bin] += sections.radii[end][bin];
     }
-    for (std::size_t bin = 0; bin < kBins; ++bin) {
-      if (!(weight[bin] > 0.0)) continue;
-      all += 1.0;
-      all_sum += radius_sum[bin] / weight[bin];
+    double filled = 0.0, mean_m = 0.0, scatter = 0.0;
+    for (const RadiusSums& bin : bins) {
+      if (!(bin.count > 0.0)) continue;
+      filled += 1.0;
+      mean_m += bin.sum / bin.count;
+      scatter += std::max(0.0, bin.squares - bin.sum * bin.sum / bin.count);
     }
-    if (!(all > 0.0)) continue;
-    const double mean = all_sum / all;
-    for (std::size_t bin = 0; bin < kBins; ++bin) {
-      if (!(weight[bin] > 0.0)) continue;
-      const double off = radius_sum[bin] / weight[bin] / mean - 1.0;
-      sum += off * off;
+    if (!(filled > 0.0)) continue;
+    mean_m /= filled;
+    const double variance = scatter / std::max(1.0, pooled - filled);
+    for (const RadiusSums& bin : bins) {
+      if (!(bin.count > 0.0)) continue;
+      const double off = bin.sum / bin.count - mean_m;
+      sum += (off * off - variance / bin.count) / (mean_m * mean_m);
       count += 1.0;
     }
   }
-  (void)stations;
-  return count > 0.0 ? std::sqrt(sum / count) : 0.0;
+  return count > 0.0 ? std::sqrt(std::max(0.0, sum / count)) : 0.0;
 }
 
 double taper_of(const std::vector<ScanStation>& stations, std::size_t first, std::size_t last, double station_m) {
@@ -175,8 +186,7 @@ ScanEvidence look_at(std::span<const Surfel> surfels, const std::vector<SurfaceP
   Sections sections;
   sections.by_place.resize(count);
   sections.by_normal.resize(count);
-  sections.weight.resize(count);
-  sections.radius_sum.resize(count);
+  sections.radii.resize(count);
   sections.t_agreeing.resize(count);
   const double agree_m = std::clamp(kAgreeSigmas * scale_m, kAgreeRadii * radius_m, kMostAgreeRadii * radius_m);
   const double half_rad = std::min(0.75 * spacing_m / radius_m, 0.4);
@@ -193,8 +203,7 @@ ScanEvidence look_at(std::span<const Surfel> surfels, const std::vector<SurfaceP
     sections.by_place[at] |= bins_around(place_rad, half_rad);
     sections.by_normal[at] |= bins_around(angle_of(outward, frames[at]), half_rad);
     const auto bin = static_cast<std::size_t>(bin_of(place_rad));
-    sections.weight[at][bin] += weight;
-    sections.radius_sum[at][bin] += weight * point.distance_m;
+    sections.radii[at][bin] += {1.0, point.distance_m, point.distance_m * point.distance_m};
     sections.t_agreeing[at].push_back(point.t);
   }
   for (ScanStation& station : evidence.stations) {
@@ -222,20 +231,33 @@ ScanEvidence look_at(std::span<const Surfel> surfels, const std::vector<SurfaceP
   std::nth_element(arcs.begin(), arcs.begin() + static_cast<std::ptrdiff_t>(arcs.size() / 2), arcs.end());
   evidence.arc_rad = arcs[arcs.size() / 2];
   evidence.support = agree / facing;
-  evidence.profile_rms_radii = profile_rms(sections, evidence.stations, first, last);
+  evidence.spacing_radii = spacing_m / radius_m;
+  evidence.scale_radii = scale_m / radius_m;
+  evidence.profile_rms_radii = profile_rms(sections, first, last);
   evidence.taper = taper_of(evidence.stations, first, last, line_m / static_cast<double>(count));
   return evidence;
 }
 
 std::optional<std::string> why_no_scan_tube(const ScanEvidence& evidence, double radius_m,
                                             const ScanTubesConfig& config) {
-  constexpr double kLeastSupport = 0.5, kMostOutOfRound = 0.07, kMostTaper = 0.08;
+  constexpr double kLeastSupport = 0.6, kMostTaper = 0.08;
+  // Where normals point all around the section may be an oval, as a vessel's is (axes 1 : 1.5); those of a square bar
+  // point four ways. A section of few flat sides stands off the circle, and one of few points is uneven.
+  constexpr double kAllAround_rad = 4.2, kMostOval = 0.15, kMostOutOfRound = 0.07, kMostFlat = 0.08;
+  const double sides = std::min(kMostFlat, 0.25 * evidence.spacing_radii);
+  const bool all_around = evidence.arc_rad > kAllAround_rad;
+  const double out_of_round = all_around ? kMostOval : kMostOutOfRound + sides;
   if (evidence.length_m < config.min_length_radii * radius_m)
     return fmt::format("{:.4f} m long, less than {} radii", evidence.length_m, config.min_length_radii);
   if (evidence.arc_rad < config.min_arc_rad) return fmt::format("{:.2f} rad of its section seen", evidence.arc_rad);
   if (evidence.support < kLeastSupport) return fmt::format("{:.2f} of the surface agrees", evidence.support);
-  if (evidence.profile_rms_radii > kMostOutOfRound)
+  if (evidence.profile_rms_radii > out_of_round)
     return fmt::format("{:.3f} radii out of round", evidence.profile_rms_radii);
+  // A true surface scatters less than its surfels are apart; what scatters more, and is seen from one side only, may be
+  // anything that is round by and large.
+  constexpr double kMostScatter = 0.04;
+  if (!all_around && evidence.scale_radii > std::max(kMostScatter, evidence.spacing_radii))
+    return fmt::format("scatters by {:.3f} radii", evidence.scale_radii);
   if (std::abs(evidence.taper) > kMostTaper) return fmt::format("tapers by {:.3f}", evidence.taper);
   return std::nullopt;
 }

@@ -28,6 +28,8 @@ struct ScanEvidence {
   double arc_rad = 0.0;            ///< median over the stations of the stretch
   double support = 0.0;            ///< agreeing weight over facing weight
   double profile_rms_radii = 0.0;  ///< of the section's shape against the circle, pooled along the stretch
+  double spacing_radii = 0.0;      ///< how far apart the surfels are
+  double scale_radii = 0.0;        ///< how much they scatter
   double taper = 0.0;              ///< change of radius per length
 };
 

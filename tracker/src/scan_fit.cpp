@@ -14,6 +14,7 @@ constexpr int kOverlapSpans = 6;
 constexpr int kNodesPerSpan = 2;
 constexpr double kNearestRadii = 0.5, kFarthestRadii = 1.5;
 constexpr double kLeastFacing = 0.5;  // 60°
+constexpr double kMostAlong = 0.4;    // 24°
 
 /// Nodes of a line by the cell of a coarse grid that they can be near to.
 class NodeGrid {
@@ -250,9 +251,11 @@ std::vector<SurfacePoint> points_near(std::span<const Surfel> surfels, std::span
     if (point.distance_m < kNearestRadii * radius_m || point.distance_m > kFarthestRadii * radius_m) continue;
     point.inward = to_axis / point.distance_m;
     // Beyond an end the foot stays there.
-    if (std::abs(point.inward.dot(foot.derivative_m.normalized())) > 0.1) continue;
-    point.facing = point.inward.dot(surfels[i].inward_normal.cast<double>());
-    if (point.facing < kLeastFacing) continue;
+    const Eigen::Vector3d along = foot.derivative_m.normalized();
+    if (std::abs(point.inward.dot(along)) > 0.1) continue;
+    const Eigen::Vector3d normal = surfels[i].inward_normal.cast<double>();
+    point.facing = point.inward.dot(normal);
+    if (point.facing < kLeastFacing || std::abs(along.dot(normal)) > kMostAlong) continue;
     points.push_back(point);
     if (!line.closed()) continue;
     const double again = point.t + (point.t < 0.5 * spline.spans() ? line.period : -line.period);
@@ -268,9 +271,12 @@ std::optional<ScanFit> fit_scan_line(std::span<const Surfel> surfels, std::span<
   ScanFit fit;
   if (options.radius_m) line.model.radius_m = *options.radius_m;
   for (int round = 0; round < options.rounds; ++round) {
-    const std::vector<SurfacePoint> points = points_near(surfels, taken, line);
+    std::vector<SurfacePoint> points = points_near(surfels, taken, line);
+    std::erase_if(points, [&](const SurfacePoint& at) { return at.t < options.t_begin || at.t > options.t_end; });
+    const double wide_m = round + 1 < options.rounds ? options.first_scale_radii * line.model.radius_m : 0.0;
+    const double least_m = std::max(options.least_scale_m, std::ldexp(wide_m, -round));
     const std::vector<Observation> observations =
-        observations_of(surfels, points, line.model.radius_m, options.least_scale_m, fit.scale_m);
+        observations_of(surfels, points, line.model.radius_m, least_m, fit.scale_m);
     const bool last = round + 1 == options.rounds;
     if (!fit_windows(line, observations, options, last && options.want_covariance, fit)) return std::nullopt;
     if (line.closed()) close_up(line);

@@ -34,7 +34,7 @@ struct SurfacePoint {
 
 /// The surfels that belong to a tube (paper, section 2.3): those whose nearest node has them within half a step along
 /// the axis, and that lie between half of the radius and 1.5 radii from it, their normals within 60° of pointing at the
-/// axis. In the order of the surfels; where a closed line overlaps itself, once for each of its places. `taken`: one
+/// axis, and within 24° of the section, which leaves out most of a rounded end. In the order of the surfels; where a closed line overlaps itself, once for each of its places. `taken`: one
 /// flag a surfel, those set are left out; may be empty.
 std::vector<SurfacePoint> points_near(std::span<const Surfel> surfels, std::span<const char> taken,
                                       const ScanLine& line);
@@ -59,6 +59,9 @@ struct ScanFitOptions {
   double radius_min_m = 0.0;       ///< a fit that leaves this range fails
   double radius_max_m = 0.0;
   double least_scale_m = 0.0;  ///< what the surfels err by at least
+  double t_begin = 0.0;            ///< surfels between these places of the line are fitted to
+  double t_end = 1e9;
+  double first_scale_radii = 0.0;  ///< the first rounds take surfels to err by so much, halved each time
   int rounds = 2;              ///< of choosing surfels and Gauss-Newton
   bool want_covariance = false;
 };

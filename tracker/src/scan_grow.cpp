@@ -46,6 +46,36 @@ bool trim(ScanTube& tube) {
   return true;
 }
 
+/// Points of the line two a span, once around a closed one.
+std::vector<Eigen::Vector3d> points_of(const ScanLine& line) {
+  const double begin = line.overlap, spans = line.closed() ? line.period : line.model.spline.spans();
+  const int count = 2 * static_cast<int>(std::lround(spans));
+  std::vector<Eigen::Vector3d> points_m;
+  for (int i = 0; i < count + (line.closed() ? 0 : 1); ++i)
+    points_m.push_back(point_at(line.model.spline, begin + 0.5 * i));
+  return points_m;
+}
+
+/// Knots as far apart as the radius asks for: a seed's radius may be off by half.
+void knot_again(ScanTube& tube) {
+  const Spline& spline = tube.line.model.spline;
+  const double middle = std::floor(0.5 * spline.spans());
+  const double spacing_m = (point_at(spline, middle + 1.0) - point_at(spline, middle)).norm();
+  const double wanted_m = kKnotSpacingRadii * tube.line.model.radius_m;
+  constexpr double kNear = 0.1;
+  if (std::abs(spacing_m - wanted_m) < kNear * wanted_m) return;
+  const double old_spans = spline.spans();
+  const bool closed = tube.line.closed();
+  tube.line = scan_line_along(points_of(tube.line), tube.line.model.radius_m, closed);
+  if (closed) {
+    tube.evidence.t_begin = tube.line.overlap;
+    tube.evidence.t_end = tube.line.overlap + tube.line.period;
+  } else {
+    tube.evidence.t_begin *= tube.line.model.spline.spans() / old_spans;
+    tube.evidence.t_end *= tube.line.model.spline.spans() / old_spans;
+  }
+}
+
 bool goes_all_around(const ScanTube& tube) {
   return tube.line.closed() && tube.evidence.t_begin <= tube.line.overlap &&
          tube.evidence.t_end >= tube.line.overlap + tube.line.period;
@@ -71,6 +101,16 @@ bool close_if_ends_meet(ScanTube& tube) {
   return true;
 }
 
+/// Points of the seen stretch, its ends among them.
+std::vector<Eigen::Vector3d> seen_points_of(const ScanTube& tube) {
+  const double begin = tube.evidence.t_begin, end = tube.evidence.t_end;
+  const int count = std::max(2, static_cast<int>(std::ceil(2.0 * (end - begin))));
+  std::vector<Eigen::Vector3d> points_m;
+  for (int i = 0; i <= count; ++i)
+    points_m.push_back(point_at(tube.line.model.spline, begin + (end - begin) * i / count));
+  return points_m;
+}
+
 /// Which ends are seen to the last.
 std::pair<bool, bool> ends_go_on(const ScanTube& tube) {
   const double near = 0.6;  // a span is 1.25 R, a station 0.4 spans
@@ -83,8 +123,12 @@ std::optional<ScanTube> grow_scan_tube(const ScanSurface& surface, const ScanSee
                                        const ScanTubesConfig& config) {
   ScanTube tube;
   tube.line = scan_line_along(seed.line_m, config.radius_m.value_or(seed.radius_m), seed.closed);
-  const ScanFitOptions first = fit_options(surface, config, 3), again = fit_options(surface, config, 1);
+  ScanFitOptions first = fit_options(surface, config, 3);
+  first.first_scale_radii = 0.2;  // or an oval is taken for the rounder of its sides
+  const ScanFitOptions again = fit_options(surface, config, 1);
   if (!fit_and_look(surface, config, first, tube)) return std::nullopt;
+  knot_again(tube);
+  if (!fit_and_look(surface, config, again, tube)) return std::nullopt;
   for (int round = 0; round < kMaxRounds && !goes_all_around(tube); ++round) {
     const bool closing = close_if_ends_meet(tube);
     if (!closing) {
@@ -100,11 +144,47 @@ std::optional<ScanTube> grow_scan_tube(const ScanSurface& surface, const ScanSee
   return tube;
 }
 
+std::optional<ScanTube> join_scan_tubes(const ScanSurface& surface, const ScanTubesConfig& config, const ScanTube& a,
+                                        const ScanTube& b) {
+  if (a.line.closed() || b.line.closed()) return std::nullopt;
+  constexpr double kNearRadii = 3.0, kSameRadius = 0.2, kSameWay = 0.7;
+  const double radius_m = 0.5 * (a.line.model.radius_m + b.line.model.radius_m);
+  if (std::abs(a.line.model.radius_m - b.line.model.radius_m) > kSameRadius * radius_m) return std::nullopt;
+  for (int ends = 0; ends < 4; ++ends) {
+    std::vector<Eigen::Vector3d> line_m = seen_points_of(a), other_m = seen_points_of(b);
+    if ((ends & 1) != 0) std::reverse(line_m.begin(), line_m.end());
+    if ((ends & 2) != 0) std::reverse(other_m.begin(), other_m.end());
+    const Eigen::Vector3d gap_m = other_m.front() - line_m.back();
+    const Eigen::Vector3d out = (line_m.back() - line_m[line_m.size() - 2]).normalized();
+    const Eigen::Vector3d in = (other_m[1] - other_m.front()).normalized();
+    if (gap_m.norm() > kNearRadii * radius_m || out.dot(in) < kSameWay) continue;
+    // Beside each other is not one behind the other.
+    if (gap_m.norm() > radius_m && out.dot(gap_m) < kSameWay * gap_m.norm()) continue;
+    while (line_m.size() > 2 && out.dot(other_m.front() - line_m.back()) < 0.5 * radius_m) line_m.pop_back();
+    line_m.insert(line_m.end(), other_m.begin(), other_m.end());
+    ScanTube joined;
+    joined.line = scan_line_along(line_m, radius_m, false);
+    joined.evidence.t_end = joined.line.model.spline.spans();
+    if (!refine_scan_tube(surface, config, joined)) continue;
+    constexpr double kWhole = 0.95;
+    if (joined.evidence.length_m < kWhole * (a.evidence.length_m + b.evidence.length_m)) continue;
+    return joined;
+  }
+  return std::nullopt;
+}
+
 bool refine_scan_tube(const ScanSurface& surface, const ScanTubesConfig& config, ScanTube& tube) {
-  ScanFitOptions options = fit_options(surface, config, 2);
+  ScanFitOptions options = fit_options(surface, config, 1);
+  knot_again(tube);
   if (!fit_and_look(surface, config, options, tube)) return false;
   if (!goes_all_around(tube)) trim(tube);
   options.want_covariance = true;
+  // At an end a rounded edge, or what it is held by, bends the line into a hook.
+  constexpr double kUnfitted = 0.6;  // spans: 0.75 radii
+  if (!goes_all_around(tube) && tube.evidence.t_end - tube.evidence.t_begin > 8.0 * kUnfitted) {
+    options.t_begin = tube.evidence.t_begin + kUnfitted;
+    options.t_end = tube.evidence.t_end - kUnfitted;
+  }
   if (!fit_and_look(surface, config, options, tube)) return false;
   return !why_no_scan_tube(tube.evidence, tube.line.model.radius_m, config);
 }

@@ -31,4 +31,9 @@ std::optional<ScanTube> grow_scan_tube(const ScanSurface& surface, const ScanSee
 /// Fits a tube to another, finer set of surfels. False where it is no tube there.
 bool refine_scan_tube(const ScanSurface& surface, const ScanTubesConfig& config, ScanTube& tube);
 
+/// The tube that two are pieces of: where an end of one runs on into an end of the other, and one fit of both, on
+/// surfels that neither has taken, is as long as the two. Nothing where they are not one.
+std::optional<ScanTube> join_scan_tubes(const ScanSurface& surface, const ScanTubesConfig& config, const ScanTube& a,
+                                        const ScanTube& b);
+
 }  // namespace tubetrack

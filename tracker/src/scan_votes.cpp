@@ -54,7 +54,7 @@ std::vector<TracePoint> once_around(const std::vector<TracePoint>& trace, double
     const Eigen::Vector3d to_start = trace.front().position_m - trace[i].position_m;
     const Eigen::Vector3d onward = trace[i].position_m - trace[i - 1].position_m;
     const Eigen::Vector3d first = trace[1].position_m - trace[0].position_m;
-    if (to_start.norm() > 1.2 * step_m || onward.dot(first) <= 0.0) continue;
+    if (to_start.norm() > 1.6 * step_m || onward.dot(first) <= 0.0) continue;
     const bool too_near = to_start.norm() < 0.5 * step_m || to_start.dot(first) < 0.0;
     return {trace.begin(), trace.begin() + static_cast<std::ptrdiff_t>(too_near ? i : i + 1)};
   }

@@ -18,7 +18,7 @@ struct ScanTubesConfig {
   /// Grid step of the accumulation map; empty: a quarter of the radius that is looked for, but not below grid_step_m.
   std::optional<double> cell_m;
   double min_length_radii = 1.5;  ///< a shorter tube is not reported
-  double min_arc_rad = 1.75;      ///< nor one of whose section less is seen: a rounded edge of a box shows 90° (1.57)
+  double min_arc_rad = 2.0;       ///< nor one of whose section less is seen: a rounded edge of a box shows 90° (1.57)
 };
 
 /// Names the first field out of its range, what it got and what it takes.
