@@ -147,7 +147,7 @@ std::optional<ScanTube> grow_scan_tube(const ScanSurface& surface, const ScanSee
 std::optional<ScanTube> join_scan_tubes(const ScanSurface& surface, const ScanTubesConfig& config, const ScanTube& a,
                                         const ScanTube& b) {
   if (a.line.closed() || b.line.closed()) return std::nullopt;
-  constexpr double kNearRadii = 3.0, kSameRadius = 0.2, kSameWay = 0.7;
+  constexpr double kNearRadii = 3.0, kSameRadius = 0.3, kSameWay = 0.7;
   const double radius_m = 0.5 * (a.line.model.radius_m + b.line.model.radius_m);
   if (std::abs(a.line.model.radius_m - b.line.model.radius_m) > kSameRadius * radius_m) return std::nullopt;
   for (int ends = 0; ends < 4; ++ends) {

@@ -154,6 +154,34 @@ const FitWindow& window_at(const ScanFit& fit, double t) {
   return after == fit.windows.end() ? fit.windows.back() : *after;
 }
 
+/// Radius at t: of the seen stations within two radii, weighted by what agrees there.
+double radius_near(const ScanEvidence& evidence, double t, double otherwise_m) {
+  constexpr double kNearSpans = 2.0 / kKnotSpacingRadii;
+  double sum = 0.0, weights = 0.0;
+  for (const ScanStation& station : evidence.stations) {
+    if (!station.seen || std::abs(station.t - t) > kNearSpans) continue;
+    sum += station.agree * station.radius_m;
+    weights += station.agree;
+  }
+  return weights > 0.0 ? sum / weights : otherwise_m;
+}
+
+/// Fills in node_radius_m where the radius varies along the tube: by more than a tenth, and seen from all around, or a
+/// bend of a half-seen tube would be taken for it.
+void add_node_radii(const ScanTube& found, Tube& tube) {
+  constexpr double kVaries = 0.1, kAllAround_rad = 4.2;
+  if (found.evidence.arc_rad < kAllAround_rad) return;
+  std::vector<double> radii_m;
+  const double begin = found.evidence.t_begin, end = found.evidence.t_end;
+  const auto spans = static_cast<double>(tube.centerline_m.size() - 1);
+  for (std::size_t i = 0; i < tube.centerline_m.size(); ++i) {
+    const double t = begin + (end - begin) * static_cast<double>(i) / spans;
+    radii_m.push_back(radius_near(found.evidence, t, tube.radius_m));
+  }
+  const auto [least, most] = std::minmax_element(radii_m.begin(), radii_m.end());
+  if (*most - *least > kVaries * tube.radius_m) tube.node_radius_m = std::move(radii_m);
+}
+
 Tube result_of(const ScanTube& found) {
   Tube tube;
   const Spline& spline = found.line.model.spline;
@@ -176,6 +204,7 @@ Tube result_of(const ScanTube& found) {
     add_uncertainty(window.spline, window.covariance, t - static_cast<double>(window.first), tube);
   }
   if (tube.closed) tube.centerline_m.back() = tube.centerline_m.front();
+  add_node_radii(found, tube);
   for (std::size_t i = 1; i < tube.centerline_m.size(); ++i)
     tube.length_m += (tube.centerline_m[i] - tube.centerline_m[i - 1]).norm();
   return tube;
