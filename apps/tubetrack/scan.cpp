@@ -87,8 +87,8 @@ Expected<ScanOptions> scan_options_from(const ScanFlags& flags) {
 Expected<void> apply_radius(const ScanFlags& flags, ScanTubesConfig& config) {
   if (!flags.radius.empty() && !flags.radius_range.empty())
     return tl::make_unexpected(Error::usage("--radius and --radius-range: give one of the two"));
-  if (auto read = read_length("--radius", flags.radius, "the tubes' radius in metres, above 0, like 0.02",
-                              config.radius_m);
+  if (auto read =
+          read_length("--radius", flags.radius, "the tubes' radius in metres, above 0, like 0.02", config.radius_m);
       !read)
     return read;
   if (flags.radius_range.empty()) return {};
@@ -177,10 +177,11 @@ SurfaceMesh surface_of_scan(const Scan& scan, std::span<const Surfel> surfels) {
 
 Expected<void> write_tables(const ScanFlags& flags, std::span<const Tube> tubes) {
   using Table = std::string (*)(std::span<const Tube>);
-  const std::tuple<const char*, const std::string*, Table> tables[] = {{"--centerline", &flags.centerline, centerline_csv},
-                                                                       {"--xyz", &flags.xyz, xyz_csv},
-                                                                       {"--lra", &flags.lra, lra_csv},
-                                                                       {"--vtk", &flags.vtk, vtk_polydata}};
+  const std::tuple<const char*, const std::string*, Table> tables[] = {
+      {"--centerline", &flags.centerline, centerline_csv},
+      {"--xyz", &flags.xyz, xyz_csv},
+      {"--lra", &flags.lra, lra_csv},
+      {"--vtk", &flags.vtk, vtk_polydata}};
   for (const auto& [flag, path, table] : tables) {
     if (path->empty()) continue;
     if (auto written = write_text(flag, *path, table(tubes)); !written) return written;
@@ -249,9 +250,9 @@ Expected<void> run_scan(const ScanFlags& flags) {
   move_by(frame, scan.origin_m);
   if (auto written = write_line(result_line(frame, !flags.no_timing), flags.out); !written) return written;
   if (frame.tubes.empty()) {
-    return tl::make_unexpected(Error::failed(fmt::format(
-        "{}: no tube of radius {:.4g} to {:.4g} m found; check --unit, or give --radius-range", flags.file,
-        config.radius_m.value_or(config.radius_min_m), config.radius_m.value_or(config.radius_max_m))));
+    return tl::make_unexpected(Error::failed(
+        fmt::format("{}: no tube of radius {:.4g} to {:.4g} m found; check --unit, or give --radius-range", flags.file,
+                    config.radius_m.value_or(config.radius_min_m), config.radius_m.value_or(config.radius_max_m))));
   }
   if (!flags.quiet) print_tubes(frame);
   if (auto written = write_tables(flags, frame.tubes); !written) return written;

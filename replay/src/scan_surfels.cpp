@@ -132,9 +132,9 @@ RadiusRange default_radius_range(const Scan& scan, std::span<const Surfel> surfe
     std::vector<double> shortest;
     shortest.reserve(scan.faces.size());
     for (const auto& [a, b, c] : scan.faces) {
-      shortest.push_back(std::min({(scan.points_m[a] - scan.points_m[b]).norm(),
-                                   (scan.points_m[b] - scan.points_m[c]).norm(),
-                                   (scan.points_m[c] - scan.points_m[a]).norm()}));
+      shortest.push_back(
+          std::min({(scan.points_m[a] - scan.points_m[b]).norm(), (scan.points_m[b] - scan.points_m[c]).norm(),
+                    (scan.points_m[c] - scan.points_m[a]).norm()}));
     }
     const auto middle = shortest.begin() + static_cast<std::ptrdiff_t>(shortest.size() / 2);
     std::nth_element(shortest.begin(), middle, shortest.end());

@@ -55,9 +55,9 @@ View view_of(std::span<const SurfaceMesh> surfaces) {
   view.turn.row(0) = solver.eigenvectors().col(2).transpose();
   view.turn.row(1) = solver.eigenvectors().col(1).transpose();
   view.turn.row(2) = view.turn.row(0).cross(view.turn.row(1));
-  const Eigen::Matrix3d tilt = (Eigen::AngleAxisd(0.35, Eigen::Vector3d::UnitX()) *
-                                Eigen::AngleAxisd(0.25, Eigen::Vector3d::UnitY()))
-                                   .toRotationMatrix();
+  const Eigen::Matrix3d tilt =
+      (Eigen::AngleAxisd(0.35, Eigen::Vector3d::UnitX()) * Eigen::AngleAxisd(0.25, Eigen::Vector3d::UnitY()))
+          .toRotationMatrix();
   view.turn = tilt * view.turn;
   Eigen::AlignedBox3d box;
   for (const SurfaceMesh& surface : surfaces) {

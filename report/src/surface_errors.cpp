@@ -42,7 +42,8 @@ class PieceGrid {
       Eigen::AlignedBox3d box(pieces_[i].from_m);
       box.extend(pieces_[i].from_m + pieces_[i].along_m);
       const double reach_m = kFarthestRadii * pieces_[i].radius_m;
-      const Eigen::Vector3d low = (box.min().array() - reach_m) / cell_m_, high = (box.max().array() + reach_m) / cell_m_;
+      const Eigen::Vector3d low = (box.min().array() - reach_m) / cell_m_,
+                            high = (box.max().array() + reach_m) / cell_m_;
       for (double z = std::floor(low.z()); z <= high.z(); ++z) {
         for (double y = std::floor(low.y()); y <= high.y(); ++y) {
           for (double x = std::floor(low.x()); x <= high.x(); ++x) near_[key_of({x, y, z})].push_back(i);
@@ -85,7 +86,9 @@ class PieceGrid {
 /// Blue, cyan, green, yellow, red over 0 … 1.
 std::array<std::uint8_t, 3> heat(double share) {
   const double at = 4.0 * std::clamp(share, 0.0, 1.0);
-  const auto byte = [](double value) { return static_cast<std::uint8_t>(std::lround(255.0 * std::clamp(value, 0.0, 1.0))); };
+  const auto byte = [](double value) {
+    return static_cast<std::uint8_t>(std::lround(255.0 * std::clamp(value, 0.0, 1.0)));
+  };
   return {byte(at - 2.0), byte(at < 2.0 ? at : 4.0 - at), byte(2.0 - at)};
 }
 

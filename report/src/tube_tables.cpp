@@ -69,7 +69,8 @@ std::string vtk_polydata(std::span<const Tube> tubes) {
       fmt::format("# vtk DataFile Version 3.0\ntubetrack, metres\nASCII\nDATASET POLYDATA\nPOINTS {} double\n", points);
   auto out = std::back_inserter(text);
   for (const Tube& tube : tubes) {
-    for (const Eigen::Vector3d& p : tube.centerline_m) fmt::format_to(out, "{:.7f} {:.7f} {:.7f}\n", p.x(), p.y(), p.z());
+    for (const Eigen::Vector3d& p : tube.centerline_m)
+      fmt::format_to(out, "{:.7f} {:.7f} {:.7f}\n", p.x(), p.y(), p.z());
   }
   fmt::format_to(out, "LINES {} {}\n", tubes.size(), tubes.size() + points);
   std::size_t next = 0;

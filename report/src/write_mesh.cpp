@@ -15,7 +15,8 @@ namespace {
 
 std::string ply_text(const SurfaceMesh& mesh) {
   std::string text = fmt::format(
-      "ply\nformat ascii 1.0\ncomment metres\nelement vertex {}\nproperty float x\nproperty float y\nproperty float z\n",
+      "ply\nformat ascii 1.0\ncomment metres\nelement vertex {}\nproperty float x\nproperty float y\nproperty float "
+      "z\n",
       mesh.points_m.size());
   if (!mesh.colors.empty()) text += "property uchar red\nproperty uchar green\nproperty uchar blue\n";
   if (!mesh.distance_m.empty()) text += "property float distance\n";

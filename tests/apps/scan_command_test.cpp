@@ -106,7 +106,8 @@ TEST_F(ScanCommand, FilesThatAreNoGoodGiveOneLineAndEndWithOne) {
 }
 
 TEST_F(ScanCommand, AScanWithoutATubeSaysSo) {
-  const ProgramEnd end = scan({write("flat.off", "OFF\n4 2 0\n0 0 0\n100 0 0\n0 100 0\n100 100 0\n3 0 1 2\n3 1 3 2\n")});
+  const ProgramEnd end =
+      scan({write("flat.off", "OFF\n4 2 0\n0 0 0\n100 0 0\n0 100 0\n100 100 0\n3 0 1 2\n3 1 3 2\n")});
   EXPECT_EQ(end.exit_code, 1);
   EXPECT_THAT(end.err, HasSubstr("no tube of radius"));
   EXPECT_THAT(end.err, HasSubstr("--radius-range"));
@@ -123,7 +124,8 @@ std::string seen_by_vtk(const TemporaryFolder& folder, const std::string& script
 }
 
 TEST_F(ScanCommand, ExportsAreReadBackByVtkAndCsvReaders) {
-  if (std::system("/usr/bin/python3 -c 'import vtk' 2> /dev/null") != 0) GTEST_SKIP() << "python3-vtk9 is not installed";
+  if (std::system("/usr/bin/python3 -c 'import vtk' 2> /dev/null") != 0)
+    GTEST_SKIP() << "python3-vtk9 is not installed";
   const ProgramEnd end = scan({write("pipe.off", off_text(bent_pipe())), "--mesh", path("m.ply"), "--centerline",
                                path("c.csv"), "--xyz", path("x.csv"), "--lra", path("l.csv"), "--vtk", path("c.vtk"),
                                "--error-map", path("e.ply"), "--picture", path("p.png")});
@@ -165,7 +167,8 @@ print(json.dumps(seen))
   const auto tube = nlohmann::json::parse(end.out)["tubes"][0];
   const double radius_m = tube["radius_m"], length_m = tube["length_m"];
   for (const char* name : {"m.ply", "m.obj", "m.stl"}) {
-    EXPECT_NEAR(read[name][1].get<double>(), M_PI * radius_m * radius_m * length_m, 0.01 * M_PI * radius_m * radius_m * length_m)
+    EXPECT_NEAR(read[name][1].get<double>(), M_PI * radius_m * radius_m * length_m,
+                0.01 * M_PI * radius_m * radius_m * length_m)
         << name;
     EXPECT_NEAR(read[name][2].get<double>(), 2.0 * M_PI * radius_m * (length_m + radius_m),
                 0.01 * 2.0 * M_PI * radius_m * length_m)

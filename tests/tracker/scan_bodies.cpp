@@ -79,7 +79,8 @@ Scan voxels_of_tube(const PartChain& chain, const ScanOfTube& how) {
   for (const Eigen::Vector3d& center_m : line_m) {
     const Eigen::Vector3d at = (center_m - grid.origin_m) / how.step_m;
     const double reach = how.radius_m / how.step_m;
-    const Eigen::Vector3i low = (at.array() - reach).ceil().cast<int>(), high = (at.array() + reach).floor().cast<int>();
+    const Eigen::Vector3i low = (at.array() - reach).ceil().cast<int>(),
+                          high = (at.array() + reach).floor().cast<int>();
     for (int k = low.z(); k <= high.z(); ++k) {
       for (int j = low.y(); j <= high.y(); ++j) {
         for (int i = low.x(); i <= high.x(); ++i) {
@@ -106,13 +107,15 @@ Scan heights_of_tube(const PartChain& chain, const ScanOfTube& how) {
   for (const Eigen::Vector3d& center_m : line_m) {
     const double reach = how.radius_m / how.step_m;
     const double x = center_m.x() / how.step_m, y = center_m.y() / how.step_m;
-    for (int v = std::max(0, static_cast<int>(std::ceil(y - reach))); v <= std::min(y + reach, grid.height - 1.0); ++v) {
-      for (int u = std::max(0, static_cast<int>(std::ceil(x - reach))); u <= std::min(x + reach, grid.width - 1.0); ++u) {
+    for (int v = std::max(0, static_cast<int>(std::ceil(y - reach))); v <= std::min(y + reach, grid.height - 1.0);
+         ++v) {
+      for (int u = std::max(0, static_cast<int>(std::ceil(x - reach))); u <= std::min(x + reach, grid.width - 1.0);
+           ++u) {
         const double squared = reach * reach - (u - x) * (u - x) - (v - y) * (v - y);
         if (squared < 0.0) continue;
         const auto height = static_cast<float>(-center_m.z() + how.step_m * std::sqrt(squared));
-        float& cell =
-            grid.height_m[static_cast<std::size_t>(v) * static_cast<std::size_t>(grid.width) + static_cast<std::size_t>(u)];
+        float& cell = grid.height_m[static_cast<std::size_t>(v) * static_cast<std::size_t>(grid.width) +
+                                    static_cast<std::size_t>(u)];
         if (!(cell >= height)) cell = height;
       }
     }

@@ -2,8 +2,8 @@
 
 #include <gmock/gmock.h>
 
-#include <chrono>
 #include <cmath>
+#include <ctime>
 #include <iostream>
 #include <numbers>
 
@@ -54,14 +54,15 @@ TubeFrame tubes_of(const Scan& scan, ScanTubesConfig config = {}) {
   EXPECT_TRUE(validate(config));
   TubeFrame frame = find_scan_tubes(surfels, config);
   const StageTimes& t = frame.stages;
-  std::printf("  %zu surfels, step %.3f mm, radii %.1f to %.1f mm: %.0f ms (merge %.0f, votes %.0f, trace %.0f, fit "
-              "%.0f, parts %.0f), %zu tubes\n",
-              surfels.size(), 1e3 * scan.grid_step_m, 1e3 * config.radius_min_m, 1e3 * config.radius_max_m,
-              frame.latency_ms, t.normals_ms, t.accumulate_ms, t.trace_ms, t.fit_ms, t.segment_ms, frame.tubes.size());
+  std::printf(
+      "  %zu surfels, step %.3f mm, radii %.1f to %.1f mm: %.0f ms (merge %.0f, votes %.0f, trace %.0f, fit "
+      "%.0f, parts %.0f), %zu tubes\n",
+      surfels.size(), 1e3 * scan.grid_step_m, 1e3 * config.radius_min_m, 1e3 * config.radius_max_m, frame.latency_ms,
+      t.normals_ms, t.accumulate_ms, t.trace_ms, t.fit_ms, t.segment_ms, frame.tubes.size());
   for (std::size_t i = 1; i < frame.tubes.size(); ++i) {
     const Tube& tube = frame.tubes[i];
-    std::cout << "  tube " << i + 1 << ": radius " << 1e3 * tube.radius_m << ", length " << 1e3 * tube.length_m << ", from "
-              << 1e3 * tube.centerline_m.front().transpose() << " mm\n";
+    std::cout << "  tube " << i + 1 << ": radius " << 1e3 * tube.radius_m << ", length " << 1e3 * tube.length_m
+              << ", from " << 1e3 * tube.centerline_m.front().transpose() << " mm\n";
   }
   return frame;
 }
@@ -73,11 +74,11 @@ void expect_tube(const TubeFrame& frame, const PartChain& chain, double step_m, 
   const LineError error = error_of(tube.centerline_m, chain);
   double sigma_m = 0.0;
   for (const double sigma : tube.sigma_m) sigma_m += sigma / static_cast<double>(tube.sigma_m.size());
-  std::printf("  rms %.4f, max %.4f voxels; radius %+.4f voxels (sigma %.4f); mean sigma %.4f; length %.2f of %.2f mm, "
-              "%zu segments\n",
-              error.rms_m / step_m, error.max_m / step_m, (tube.radius_m - kRadius_m) / step_m,
-              tube.radius_sigma_m / step_m, sigma_m / step_m, 1e3 * tube.length_m, 1e3 * length_of(chain),
-              tube.segments.size());
+  std::printf(
+      "  rms %.4f, max %.4f voxels; radius %+.4f voxels (sigma %.4f); mean sigma %.4f; length %.2f of %.2f mm, "
+      "%zu segments\n",
+      error.rms_m / step_m, error.max_m / step_m, (tube.radius_m - kRadius_m) / step_m, tube.radius_sigma_m / step_m,
+      sigma_m / step_m, 1e3 * tube.length_m, 1e3 * length_of(chain), tube.segments.size());
   EXPECT_LE(error.rms_m, voxels * step_m);
   EXPECT_LE(error.max_m, 5.0 * voxels * step_m);
   EXPECT_NEAR(tube.length_m, length_of(chain), 2.0 * step_m + 0.05 * kRadius_m);
@@ -167,9 +168,12 @@ TEST(ScanTubes, ManyFacesTakeAFractionOfASecond) {
   const PartChain chain = bent_tube();
   const Scan scan = mesh_of_tube(chain, {kRadius_m, 0.4 * kStep_m}, random);
   std::printf("  %zu faces\n", scan.faces.size());
+  const std::clock_t begin = std::clock();  // of this process alone, however busy the machine is
   const TubeFrame frame = tubes_of(scan);
+  const double seconds = static_cast<double>(std::clock() - begin) / CLOCKS_PER_SEC;
+  std::printf("  %.2f s of one core, surfels included\n", seconds);
   expect_tube(frame, chain, 0.4 * kStep_m, 0.1);
-  EXPECT_LT(frame.latency_ms, 5000.0);  // a slow and busy machine; the figure printed is what counts
+  EXPECT_LT(seconds, 2.0);
 }
 
 TEST(ScanTubes, SameScanGivesTheSameBytes) {

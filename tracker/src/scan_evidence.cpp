@@ -115,7 +115,8 @@ double end_of(const Sections& sections, std::size_t station, bool front) {
 }
 
 /// RMS of the section's shape against its mean, over stretches of four radii (a section that turns along a long tube
-/// would be smeared out) or as many more as it takes to have enough surfels; less what the scatter within the bins adds.
+/// would be smeared out) or as many more as it takes to have enough surfels; less what the scatter within the bins
+/// adds.
 double profile_rms(const Sections& sections, std::size_t first, std::size_t last) {
   constexpr std::size_t kPooled = 8;
   constexpr double kEnough = 8.0 * kBins;

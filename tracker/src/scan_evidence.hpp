@@ -13,10 +13,10 @@ namespace tubetrack {
 
 /// What the surfels say of a stretch of a tube, about half a radius long.
 struct ScanStation {
-  double t = 0.0;        ///< its middle
-  double agree = 0.0;    ///< weight of the surfels on the tube's surface, their normals along its own
-  double facing = 0.0;   ///< weight of all that points_near gives
-  double radius_m = 0.0; ///< mean distance of those that agree; 0 where none does
+  double t = 0.0;         ///< its middle
+  double agree = 0.0;     ///< weight of the surfels on the tube's surface, their normals along its own
+  double facing = 0.0;    ///< weight of all that points_near gives
+  double radius_m = 0.0;  ///< mean distance of those that agree; 0 where none does
   double arc_rad = 0.0;  ///< how much of the section is seen, by places and by normals, here and in the stations beside
   bool seen = false;     ///< arc_rad suffices
 };

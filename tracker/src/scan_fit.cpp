@@ -65,6 +65,32 @@ class NodeGrid {
   std::unordered_map<std::uint64_t, std::vector<std::uint32_t>> nodes_of_;
 };
 
+struct Foot {
+  double t = 0.0;
+  Eigen::Vector3d position_m = Eigen::Vector3d::Zero(), derivative_m = Eigen::Vector3d::UnitX();
+};
+
+/// As foot_parameter, to a hundredth of a span: of a distance of R that is less than a ten-thousandth.
+Foot foot_on(const std::vector<SpanPolynomial>& curve, const Eigen::Vector3d& point_m, double t) {
+  const auto spans = static_cast<double>(curve.size());
+  Foot foot;
+  foot.t = std::clamp(t, 0.0, spans);
+  constexpr int kRounds = 3;
+  for (int i = 0;; ++i) {
+    const std::size_t span = std::min(static_cast<std::size_t>(foot.t), curve.size() - 1);
+    const auto& [c0, c1, c2, c3] = curve[span];
+    const double s = foot.t - static_cast<double>(span);
+    foot.position_m = c0 + s * (c1 + s * (c2 + s * c3));
+    foot.derivative_m = c1 + s * (2.0 * c2 + (3.0 * s) * c3);
+    const double speed2 = foot.derivative_m.squaredNorm();
+    if (i == kRounds || !(speed2 > 0.0)) return foot;
+    const double step = std::clamp((point_m - foot.position_m).dot(foot.derivative_m) / speed2, -0.5, 0.5);
+    const double next = std::clamp(foot.t + step, 0.0, spans);
+    if (std::abs(next - foot.t) < 0.01) return foot;
+    foot.t = next;
+  }
+}
+
 std::vector<Eigen::Vector3d> evenly_around(const std::vector<Eigen::Vector3d>& ring_m, double spacing_m) {
   std::vector<double> along_m{0.0};
   for (std::size_t i = 1; i <= ring_m.size(); ++i)
@@ -236,6 +262,7 @@ std::vector<SurfacePoint> points_near(std::span<const Surfel> surfels, std::span
   // A node's own distance and half of that to the next one, which a bend may widen.
   const double reach_m = (kFarthestRadii + 0.5 * kKnotSpacingRadii) * radius_m;
   const NodeGrid grid(spline, reach_m);
+  const std::vector<SpanPolynomial> curve = polynomials_of(spline);
   std::vector<SurfacePoint> points;
   for (std::size_t i = 0; i < surfels.size(); ++i) {
     if (!taken.empty() && taken[i] != 0) continue;
@@ -244,8 +271,8 @@ std::vector<SurfacePoint> points_near(std::span<const Surfel> surfels, std::span
     if (nearest < 0.0) continue;
     SurfacePoint point;
     point.surfel = static_cast<std::uint32_t>(i);
-    point.t = foot_parameter(spline, point_m, nearest);
-    const CurvePoint foot = curve_at(spline, point.t);
+    const Foot foot = foot_on(curve, point_m, nearest);
+    point.t = foot.t;
     const Eigen::Vector3d to_axis = foot.position_m - point_m;
     point.distance_m = to_axis.norm();
     if (point.distance_m < kNearestRadii * radius_m || point.distance_m > kFarthestRadii * radius_m) continue;

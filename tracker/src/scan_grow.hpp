@@ -25,8 +25,7 @@ struct ScanSurface {
 
 /// From a seed to a fitted tube: fit, cut off what no surfel bears out, go on at both ends while surfels do; a line
 /// whose ends meet is closed. Nothing where there is no tube.
-std::optional<ScanTube> grow_scan_tube(const ScanSurface& surface, const ScanSeed& seed,
-                                       const ScanTubesConfig& config);
+std::optional<ScanTube> grow_scan_tube(const ScanSurface& surface, const ScanSeed& seed, const ScanTubesConfig& config);
 
 /// Fits a tube to another, finer set of surfels. False where it is no tube there.
 bool refine_scan_tube(const ScanSurface& surface, const ScanTubesConfig& config, ScanTube& tube);

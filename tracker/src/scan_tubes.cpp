@@ -15,9 +15,9 @@ namespace tubetrack {
 namespace {
 
 constexpr int kMinVotes = 6 * kVotesPerCell;
-constexpr int kMaxFailures = 24;      // of the seeds of one octave
-constexpr double kKnownBand = 0.15;   // votes go so far to either side of a known radius
-constexpr double kBelongsRadii = 0.3; // what is so near to a tube's surface is no other's
+constexpr int kMaxFailures = 24;       // of the seeds of one octave
+constexpr double kKnownBand = 0.15;    // votes go so far to either side of a known radius
+constexpr double kBelongsRadii = 0.3;  // what is so near to a tube's surface is no other's
 
 /// Sets the flags of the surfels of a tube, and returns which were set.
 std::vector<std::uint32_t> take(std::span<const Surfel> surfels, const ScanTube& tube, double spacing_m,
@@ -149,8 +149,8 @@ void join_pieces(std::vector<ScanTube>& tubes, std::span<const Surfel> surfels, 
 }
 
 const FitWindow& window_at(const ScanFit& fit, double t) {
-  const auto after = std::find_if(fit.windows.begin(), fit.windows.end(),
-                                  [t](const FitWindow& window) { return t <= window.t_end; });
+  const auto after =
+      std::find_if(fit.windows.begin(), fit.windows.end(), [t](const FitWindow& window) { return t <= window.t_end; });
   return after == fit.windows.end() ? fit.windows.back() : *after;
 }
 

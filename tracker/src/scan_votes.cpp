@@ -11,8 +11,8 @@ namespace tubetrack {
 
 namespace {
 
-constexpr double kCellRadii = 0.25;       // a map's cell, of the smallest radius it is for
-constexpr double kLargestCellRadii = 0.5; // where the scan is coarser than that
+constexpr double kCellRadii = 0.25;        // a map's cell, of the smallest radius it is for
+constexpr double kLargestCellRadii = 0.5;  // where the scan is coarser than that
 constexpr int kMaxVotes = 64;
 
 /// 21 bits an axis; what lies farther out has no votes either.

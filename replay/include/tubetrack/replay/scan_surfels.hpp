@@ -31,8 +31,8 @@ struct RadiusRange {
   double max_m = 0.0;
 };
 
-/// From what it just resolves (for a mesh the median of the faces' shortest edges, as a section of few sides has one; two
-/// grid steps for voxels and height maps, one and a half for clouds) to a quarter of its diagonal.
+/// From what it just resolves (for a mesh the median of the faces' shortest edges, as a section of few sides has one;
+/// two grid steps for voxels and height maps, one and a half for clouds) to a quarter of its diagonal.
 RadiusRange default_radius_range(const Scan& scan, std::span<const Surfel> surfels);
 
 }  // namespace tubetrack
