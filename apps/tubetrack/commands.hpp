@@ -13,6 +13,7 @@ void add_record(CLI::App& app, int& exit_code);
 void add_devices(CLI::App& app, int& exit_code);
 void add_synth(CLI::App& app, int& exit_code);
 void add_calibrate_noise(CLI::App& app, int& exit_code);
+void add_scan(CLI::App& app, int& exit_code);
 void add_tile(CLI::App& app, int& exit_code);
 
 }  // namespace tubetrack

@@ -26,6 +26,7 @@ int run(int argc, char** argv) {
   tubetrack::add_eval(app, exit_code);
   tubetrack::add_synth(app, exit_code);
   tubetrack::add_calibrate_noise(app, exit_code);
+  tubetrack::add_scan(app, exit_code);
   tubetrack::add_tile(app, exit_code);
   try {
     app.parse(argc, argv);

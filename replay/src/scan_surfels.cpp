@@ -1,6 +1,7 @@
 #include "tubetrack/replay/scan_surfels.hpp"
 
 #include <Eigen/Geometry>
+#include <algorithm>
 #include <cmath>
 #include <limits>
 
@@ -120,6 +121,28 @@ std::vector<Surfel> surfels_of(const Scan& scan, const ScanSurfelOptions& option
       break;
   }
   return surfels;
+}
+
+RadiusRange default_radius_range(const Scan& scan, std::span<const Surfel> surfels) {
+  Eigen::AlignedBox3f box;
+  for (const Surfel& surfel : surfels) box.extend(surfel.position_m);
+  RadiusRange range;
+  range.min_m = (scan.kind == ScanKind::cloud ? 1.5 : 2.0) * scan.grid_step_m;
+  if (scan.kind == ScanKind::mesh) {
+    std::vector<double> shortest;
+    shortest.reserve(scan.faces.size());
+    for (const auto& [a, b, c] : scan.faces) {
+      shortest.push_back(
+          std::min({(scan.points_m[a] - scan.points_m[b]).norm(), (scan.points_m[b] - scan.points_m[c]).norm(),
+                    (scan.points_m[c] - scan.points_m[a]).norm()}));
+    }
+    const auto middle = shortest.begin() + static_cast<std::ptrdiff_t>(shortest.size() / 2);
+    std::nth_element(shortest.begin(), middle, shortest.end());
+    if (middle != shortest.end()) range.min_m = *middle;
+  }
+  const double diagonal_m = box.isEmpty() ? 0.0 : static_cast<double>(box.diagonal().norm());
+  range.max_m = std::max(0.25 * diagonal_m, 2.0 * range.min_m);
+  return range;
 }
 
 }  // namespace tubetrack

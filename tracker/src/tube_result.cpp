@@ -23,26 +23,6 @@ double sigma_across_m(const Eigen::Matrix3d& covariance_m2, const Eigen::Vector3
   return std::sqrt(std::max(0.0, solver.eigenvalues()[1]));
 }
 
-/// Covariance of a centreline point from that of the control points, and the larger σ across the tube.
-void add_uncertainty(const FollowedTube& followed, double t, Tube& tube) {
-  const SplineBasis basis = basis_at(followed.model.spline, t);
-  Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();
-  for (std::size_t i = 0; i < 4; ++i) {
-    for (std::size_t j = 0; j < 4; ++j) {
-      const auto row = static_cast<Eigen::Index>(3 * (basis.first + i));
-      const auto col = static_cast<Eigen::Index>(3 * (basis.first + j));
-      covariance += basis.value[i] * basis.value[j] * followed.quality.covariance.block<3, 3>(row, col);
-    }
-  }
-  // Where a bend begins or ends, the spline cuts the corner that its knots are too far apart for.
-  const auto& q = followed.model.spline.control_m;
-  const std::size_t k = basis.first;
-  const double third_m = (q[k + 3] - q[k] + 3.0 * (q[k + 1] - q[k + 2])).norm();
-  covariance.diagonal().array() += kCornerCut * kCornerCut * third_m * third_m;
-  tube.sigma_m.push_back(sigma_across_m(covariance, derivative_at(followed.model.spline, t).normalized()));
-  tube.node_covariance_m2.push_back(covariance);
-}
-
 double length_of(const std::vector<Eigen::Vector3d>& line) {
   double length = 0.0;
   for (std::size_t i = 1; i < line.size(); ++i) length += (line[i] - line[i - 1]).norm();
@@ -50,6 +30,25 @@ double length_of(const std::vector<Eigen::Vector3d>& line) {
 }
 
 }  // namespace
+
+void add_uncertainty(const Spline& spline, const Eigen::MatrixXd& control_covariance, double t, Tube& tube) {
+  const SplineBasis basis = basis_at(spline, t);
+  Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();
+  for (std::size_t i = 0; i < 4; ++i) {
+    for (std::size_t j = 0; j < 4; ++j) {
+      const auto row = static_cast<Eigen::Index>(3 * (basis.first + i));
+      const auto col = static_cast<Eigen::Index>(3 * (basis.first + j));
+      covariance += basis.value[i] * basis.value[j] * control_covariance.block<3, 3>(row, col);
+    }
+  }
+  // Where a bend begins or ends, the spline cuts the corner that its knots are too far apart for.
+  const auto& q = spline.control_m;
+  const std::size_t k = basis.first;
+  const double third_m = (q[k + 3] - q[k] + 3.0 * (q[k + 1] - q[k + 2])).norm();
+  covariance.diagonal().array() += kCornerCut * kCornerCut * third_m * third_m;
+  tube.sigma_m.push_back(sigma_across_m(covariance, derivative_at(spline, t).normalized()));
+  tube.node_covariance_m2.push_back(covariance);
+}
 
 Tube result_of(const FollowedTube& followed, const HeightMap& map) {
   Tube tube;
@@ -73,7 +72,7 @@ Tube result_of(const FollowedTube& followed, const HeightMap& map) {
                          [&](const Station& a, const Station& b) { return std::abs(a.t - t) < std::abs(b.t - t); });
     tube.node_visible.push_back(followed.state == TubeState::tracked && nearest != followed.stations.end() &&
                                 nearest->seen());
-    add_uncertainty(followed, t, tube);
+    add_uncertainty(spline, followed.quality.covariance, t, tube);
   }
   tube.length_m = length_of(tube.centerline_m);
   return tube;

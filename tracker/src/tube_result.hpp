@@ -7,6 +7,10 @@ namespace tubetrack {
 /// A followed tube as a result: nodes about half a radius apart along its extent, in the camera frame.
 Tube result_of(const FollowedTube& tube, const HeightMap& map);
 
+/// Adds a node's uncertainty at `t` to the tube: its covariance from that of the control points (as in FitQuality), and
+/// the larger σ across the tube.
+void add_uncertainty(const Spline& spline, const Eigen::MatrixXd& covariance, double t, Tube& tube);
+
 /// Fills in `segments` and `bend_table` from the centreline (paper, section 3).
 void add_parts(Tube& tube);
 

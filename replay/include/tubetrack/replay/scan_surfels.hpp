@@ -1,5 +1,6 @@
 #pragma once
 
+#include <span>
 #include <vector>
 
 #include "tubetrack/heightmap/surfel.hpp"
@@ -23,5 +24,15 @@ struct ScanSurfelOptions {
 /// weigh 1. σ is that of a position rounded to the grid step. A face larger than two grid steps gives several surfels
 /// that share its area. Empty for an empty scan.
 std::vector<Surfel> surfels_of(const Scan& scan, const ScanSurfelOptions& options = {});
+
+/// Radii that a scan can show.
+struct RadiusRange {
+  double min_m = 0.0;
+  double max_m = 0.0;
+};
+
+/// From what it just resolves (for a mesh the median of the faces' shortest edges, as a section of few sides has one;
+/// two grid steps for voxels and height maps, one and a half for clouds) to a quarter of its diagonal.
+RadiusRange default_radius_range(const Scan& scan, std::span<const Surfel> surfels);
 
 }  // namespace tubetrack

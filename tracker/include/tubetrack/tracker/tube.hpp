@@ -58,6 +58,7 @@ struct Tube {
   std::vector<double> node_radius_m;  ///< tubes of varying radius only; empty: radius_m everywhere
   std::vector<Segment> segments;
   BendTable bend_table;
+  bool closed = false;  ///< a ring, of a scan: its last node is its first
 };
 
 enum class TrackStatus { ok, empty, corrupt, no_pose, deadline };

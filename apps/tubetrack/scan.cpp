@@ -1,0 +1,299 @@
+#include <fmt/format.h>
+
+#include <cerrno>
+#include <chrono>
+#include <cstring>
+#include <fstream>
+#include <memory>
+#include <tuple>
+
+#include "commands.hpp"
+#include "flag_values.hpp"
+#include "run.hpp"
+#include "tubetrack/replay/scan_surfels.hpp"
+#include "tubetrack/report/result_json.hpp"
+#include "tubetrack/report/scan_picture.hpp"
+#include "tubetrack/report/surface_mesh.hpp"
+#include "tubetrack/report/tube_tables.hpp"
+#include "tubetrack/tracker/scan_tubes.hpp"
+
+namespace tubetrack {
+
+namespace {
+
+constexpr const char* kFooter =
+    R"(FILE is a mesh (.off .obj .ply .stl), a point cloud (.xyz .txt .ply .pcd), voxels (.vol .mhd .mha .nii .nii.gz) or a
+16-bit height map (.png .pgm .tif .tiff; with --cell-size and --height-scale). Meshes and clouds are taken to be in
+millimetres; --unit says otherwise. No other flag is needed: the radius is found. Results are in metres.
+
+The result is one line of JSON (docs/output.schema.json): every tube with its centreline, radius, straight and toric
+parts and, where it has no free part, its bend table. The summary on stderr says the same for people.
+
+Examples:
+  tubetrack scan pipe.stl
+  tubetrack scan post.pcd --unit m --out post.jsonl
+  tubetrack scan aorta.nii.gz --radius-range 0.01:0.03
+  tubetrack scan pipe.stl --lra bends.csv --error-map errors.ply --picture pipe.png
+  tubetrack scan relief.png --cell-size 0.0005 --height-scale 0.00001
+
+Exit codes: 0 done; 1 unreadable, or no tube in it; 2 wrong usage. docs/scans.md has more.)";
+
+struct ScanFlags {
+  std::string file;
+  std::string unit, grid_step, radius, radius_range, label, threshold, cell_size, height_scale;
+  std::string out, centerline, xyz, lra, vtk, mesh, error_map, picture;
+  bool no_timing = false, quiet = false;
+};
+
+/// Reads a flag that holds one number above 0 into `value`, if it was given.
+Expected<void> read_length(std::string_view flag, const std::string& text, std::string_view form,
+                           std::optional<double>& value) {
+  if (text.empty()) return {};
+  value = number_from<double>(text);
+  if (!value || *value <= 0.0) return malformed(flag, text, form);
+  return {};
+}
+
+Expected<void> read_value(std::string_view flag, const std::string& text, std::optional<double>& value) {
+  if (text.empty()) return {};
+  value = number_from<double>(text);
+  if (!value) return malformed(flag, text, "a number, like 1");
+  return {};
+}
+
+Expected<ScanOptions> scan_options_from(const ScanFlags& flags) {
+  ScanOptions options;
+  if (flags.unit == "mm") {
+    options.unit = ScanUnit::millimetre;
+  } else if (flags.unit == "m") {
+    options.unit = ScanUnit::metre;
+  } else if (flags.unit == "voxel") {
+    options.unit = ScanUnit::voxel;
+  } else if (!flags.unit.empty()) {
+    return malformed("--unit", flags.unit, "mm, m or voxel");
+  }
+  const std::initializer_list<Expected<void>> checks{
+      read_length("--cell-size", flags.cell_size, "metres, above 0, like 0.0005", options.cell_size_m),
+      read_length("--height-scale", flags.height_scale, "metres per count, above 0, like 0.00001",
+                  options.height_scale_m),
+      read_value("--label", flags.label, options.label), read_value("--threshold", flags.threshold, options.threshold)};
+  for (const Expected<void>& check : checks) {
+    if (!check) return tl::make_unexpected(check.error());
+  }
+  return options;
+}
+
+/// Everything but what the scan itself says.
+Expected<void> apply_radius(const ScanFlags& flags, ScanTubesConfig& config) {
+  if (!flags.radius.empty() && !flags.radius_range.empty())
+    return tl::make_unexpected(Error::usage("--radius and --radius-range: give one of the two"));
+  if (auto read =
+          read_length("--radius", flags.radius, "the tubes' radius in metres, above 0, like 0.02", config.radius_m);
+      !read)
+    return read;
+  if (flags.radius_range.empty()) return {};
+  const auto range = numbers_from<double, 2>(flags.radius_range, ':');
+  if (!range || (*range)[0] <= 0.0 || (*range)[1] <= (*range)[0])
+    return malformed("--radius-range", flags.radius_range, "MIN:MAX in metres, 0 < MIN < MAX, like 0.01:0.03");
+  config.radius_min_m = (*range)[0];
+  config.radius_max_m = (*range)[1];
+  return {};
+}
+
+std::string_view name_of(ScanKind kind) {
+  switch (kind) {
+    case ScanKind::mesh:
+      return "mesh";
+    case ScanKind::cloud:
+      return "point cloud";
+    case ScanKind::voxels:
+      return "voxels";
+    default:
+      return "height map";
+  }
+}
+
+/// How large the file was and in which unit it was taken to be.
+void print_scan(const ScanFlags& flags, const Scan& scan, std::size_t surfels, double seconds) {
+  fmt::print(stderr, "{}: {}", flags.file, name_of(scan.kind));
+  if (scan.kind == ScanKind::mesh) fmt::print(stderr, ", {} faces", scan.faces.size());
+  if (scan.kind == ScanKind::cloud) fmt::print(stderr, ", {} points", scan.points_m.size());
+  if (scan.kind == ScanKind::voxels) fmt::print(stderr, ", {} boundary faces", surfels);
+  if (scan.kind == ScanKind::height_map) fmt::print(stderr, ", {} cells with a height", surfels);
+  const bool surface = scan.kind == ScanKind::mesh || scan.kind == ScanKind::cloud;
+  if (surface && flags.unit.empty()) {
+    fmt::print(stderr, "; unit: mm (assumed)");
+  } else if (scan.kind != ScanKind::height_map) {
+    fmt::print(stderr, "; unit: {:g} m", scan.metres_per_unit);
+  }
+  fmt::print(stderr, "; grid step {:.4g} mm; read in {:.2f} s\n", 1e3 * scan.grid_step_m, seconds);
+  for (const std::string& note : scan.notes) fmt::print(stderr, "note: {}\n", note);
+}
+
+void print_tubes(const TubeFrame& frame) {
+  for (const Tube& tube : frame.tubes) {
+    fmt::print(stderr, "tube {}: {}radius {:.3f} ± {:.3f} mm, length {:.1f} mm", tube.id, tube.closed ? "closed, " : "",
+               1e3 * tube.radius_m, 1e3 * tube.radius_sigma_m, 1e3 * tube.length_m);
+    int arcs = 0, straights = 0, free = 0;
+    for (const Segment& segment : tube.segments) {
+      arcs += segment.type == Segment::Type::arc ? 1 : 0;
+      straights += segment.type == Segment::Type::straight ? 1 : 0;
+      free += segment.type == Segment::Type::free ? 1 : 0;
+    }
+    fmt::print(stderr, ", {} straight, {} toric, {} free\n", straights, arcs, free);
+  }
+  fmt::print(stderr, "{} tube(s) in {:.2f} s\n", frame.tubes.size(), 1e-3 * frame.latency_ms);
+}
+
+Expected<void> write_text(std::string_view flag, const std::string& path, const std::string& text) {
+  std::ofstream file(path);
+  if (!file) {
+    return tl::make_unexpected(
+        Error::usage(fmt::format("{} {}: {}; give a file in an existing folder", flag, path, std::strerror(errno))));
+  }
+  file << text << std::flush;
+  if (!file) return tl::make_unexpected(Error::failed(fmt::format("{} {}: {}", flag, path, std::strerror(errno))));
+  return {};
+}
+
+Expected<void> write_line(const std::string& line, const std::string& path) {
+  if (!path.empty()) return write_text("--out", path, line + "\n");
+  fmt::print("{}\n", line);
+  return {};
+}
+
+/// The input as it is drawn and compared: a mesh's own faces, else the surfels' places.
+SurfaceMesh surface_of_scan(const Scan& scan, std::span<const Surfel> surfels) {
+  SurfaceMesh mesh;
+  if (scan.kind == ScanKind::mesh) {
+    mesh.points_m = scan.points_m;
+    mesh.faces = scan.faces;
+  } else {
+    for (const Surfel& surfel : surfels) mesh.points_m.emplace_back(surfel.position_m.cast<double>());
+  }
+  for (Eigen::Vector3d& point : mesh.points_m) point += scan.origin_m;
+  return mesh;
+}
+
+Expected<void> write_tables(const ScanFlags& flags, std::span<const Tube> tubes) {
+  using Table = std::string (*)(std::span<const Tube>);
+  const std::tuple<const char*, const std::string*, Table> tables[] = {
+      {"--centerline", &flags.centerline, centerline_csv},
+      {"--xyz", &flags.xyz, xyz_csv},
+      {"--lra", &flags.lra, lra_csv},
+      {"--vtk", &flags.vtk, vtk_polydata}};
+  for (const auto& [flag, path, table] : tables) {
+    if (path->empty()) continue;
+    if (auto written = write_text(flag, *path, table(tubes)); !written) return written;
+  }
+  return {};
+}
+
+/// The tubes' surface, the input coloured by its distance to it, and a picture of both.
+Expected<void> write_surfaces(const ScanFlags& flags, const Scan& scan, std::span<const Surfel> surfels,
+                              std::span<const Tube> tubes) {
+  if (flags.mesh.empty() && flags.error_map.empty() && flags.picture.empty()) return {};
+  SurfaceMesh surfaces[2];
+  surfaces[0] = surface_of_scan(scan, surfels);
+  for (const Tube& tube : tubes) append(surfaces[1], surface_of(tube));
+  if (!flags.mesh.empty()) {
+    if (auto written = write_mesh(flags.mesh, surfaces[1]); !written) return written;
+  }
+  const SurfaceErrors errors = color_by_distance(surfaces[0], tubes);
+  if (!flags.error_map.empty()) {
+    if (auto written = write_mesh(flags.error_map, surfaces[0]); !written) return written;
+    fmt::print(stderr, "distance of {} points from the tubes: min {:.4f}, median {:.4f}, 95 % {:.4f}, max {:.4f} mm",
+               errors.on_tubes, 1e3 * errors.min_m, 1e3 * errors.median_m, 1e3 * errors.percentile_95_m,
+               1e3 * errors.max_m);
+    fmt::print(stderr, "; {} points belong to no tube\n", errors.off_tubes);
+  }
+  if (flags.picture.empty()) return {};
+  return write_scan_picture(flags.picture, surfaces);
+}
+
+/// Back from where read_scan moved a georeferenced scan to.
+void move_by(TubeFrame& frame, const Eigen::Vector3d& origin_m) {
+  for (Tube& tube : frame.tubes) {
+    for (Eigen::Vector3d& point : tube.centerline_m) point += origin_m;
+    for (Eigen::Vector3d& point : tube.bend_table.xyz_m) point += origin_m;
+  }
+}
+
+Expected<void> run_scan(const ScanFlags& flags) {
+  const auto options = scan_options_from(flags);
+  if (!options) return tl::make_unexpected(options.error());
+  ScanTubesConfig config;
+  if (auto applied = apply_radius(flags, config); !applied) return applied;
+  std::optional<double> step_m;
+  if (auto read = read_length("--grid-step", flags.grid_step, "metres, above 0, like 0.001", step_m); !read)
+    return read;
+  const auto begin = std::chrono::steady_clock::now();
+  Scan scan;
+  if (auto read = read_scan(flags.file, *options)) {
+    scan = std::move(*read);
+  } else {
+    return tl::make_unexpected(read.error());
+  }
+  if (step_m) scan.grid_step_m = *step_m;
+  const std::vector<Surfel> surfels = surfels_of(scan);
+  const std::chrono::duration<double> seconds = std::chrono::steady_clock::now() - begin;
+  if (!flags.quiet) print_scan(flags, scan, surfels.size(), seconds.count());
+  config.grid_step_m = scan.grid_step_m;
+  config.cell_m = step_m;
+  if (flags.radius_range.empty() && !config.radius_m) {
+    const RadiusRange range = default_radius_range(scan, surfels);
+    config.radius_min_m = range.min_m;
+    config.radius_max_m = range.max_m;
+  }
+  if (auto valid = validate(config); !valid) return valid;
+  TubeFrame frame = find_scan_tubes(surfels, config);
+  move_by(frame, scan.origin_m);
+  if (auto written = write_line(result_line(frame, !flags.no_timing), flags.out); !written) return written;
+  if (frame.tubes.empty()) {
+    return tl::make_unexpected(Error::failed(
+        fmt::format("{}: no tube of radius {:.4g} to {:.4g} m found; check --unit, or give --radius-range", flags.file,
+                    config.radius_m.value_or(config.radius_min_m), config.radius_m.value_or(config.radius_max_m))));
+  }
+  if (!flags.quiet) print_tubes(frame);
+  if (auto written = write_tables(flags, frame.tubes); !written) return written;
+  return write_surfaces(flags, scan, surfels, frame.tubes);
+}
+
+}  // namespace
+
+void add_scan(CLI::App& app, int& exit_code) {
+  auto flags = std::make_shared<ScanFlags>();
+  CLI::App* command = app.add_subcommand("scan", "find the tubes of a static scan: mesh, cloud, voxels, height map");
+  command->footer(kFooter);
+  const auto option = [&](const char* name, std::string& value, const char* what, const char* type) {
+    command->add_option(name, value, what)->type_name(type);
+  };
+  command->add_option("FILE", flags->file, "the scan")->required();
+  option("--unit", flags->unit, "what a length of 1 in the file is; mm for meshes and clouds, volumes' headers say it",
+         "mm|m|voxel");
+  option("--radius", flags->radius, "the tubes' radius in metres, where it is known; found if left out", "M");
+  option("--radius-range", flags->radius_range, "look for radii in this range only, in metres", "MIN:MAX");
+  option("--grid-step", flags->grid_step,
+         "grid step of the votes, in metres; if left out, by the radius and how dense the scan is", "M");
+  option("--label", flags->label, "voxels: those of this value are the body", "N");
+  option("--threshold", flags->threshold, "voxels: those of this value and above are the body", "T");
+  option("--cell-size", flags->cell_size, "metres a cell of a height map, or a voxel, in place of the header's", "M");
+  option("--height-scale", flags->height_scale, "metres per count of a height map", "S");
+  option("--out", flags->out, "write the result here instead of to stdout", "FILE");
+  option("--centerline", flags->centerline, "the centrelines' nodes as CSV", "FILE.csv");
+  option("--xyz", flags->xyz, "the bend tables' points as CSV", "FILE.csv");
+  option("--lra", flags->lra, "the bend tables' lengths, rotations and angles as CSV", "FILE.csv");
+  option("--vtk", flags->vtk, "the centrelines as VTK polydata", "FILE.vtk");
+  option("--mesh", flags->mesh, "the tubes' surface, by the name's extension PLY, OBJ or STL", "FILE");
+  option("--error-map", flags->error_map, "the input coloured by its distance to the tubes; prints a summary of it",
+         "FILE.ply");
+  option("--picture", flags->picture, "a picture of the input coloured so, and of the tubes beside it", "FILE.png");
+  command->add_flag("--no-timing", flags->no_timing, "leave times out of the result: equal scans give equal bytes");
+  command->add_flag("--quiet", flags->quiet, "no summary on stderr, errors only");
+  command->callback([flags, &exit_code] {
+    const auto done = run_scan(*flags);
+    exit_code = done ? 0 : report_error(done.error());
+  });
+}
+
+}  // namespace tubetrack

@@ -1,0 +1,250 @@
+#include <gmock/gmock.h>
+
+#include <cmath>
+#include <nlohmann/json.hpp>
+#include <opencv2/imgcodecs.hpp>
+
+#include "../replay/scan_files.hpp"
+#include "../report/schema_check.hpp"
+#include "program.hpp"
+
+namespace tubetrack::test {
+namespace {
+
+using ::testing::HasSubstr;
+
+/// A pipe of radius 6 mm, bent by 3 rad about a radius of 40 mm, ends open; in millimetres.
+TestMesh bent_pipe() {
+  return tube_mesh({40.0, 6.0, 3.0, 6.283185307179586, 120, 40});
+}
+
+class ScanCommand : public ::testing::Test {
+ protected:
+  ProgramEnd scan(std::vector<std::string> arguments) {
+    arguments.insert(arguments.begin(), "scan");
+    return Program(output_.path(), std::move(arguments)).wait();
+  }
+  std::string write(const std::string& name, const std::string& bytes) {
+    write_bytes(folder_ / name, bytes);
+    return (folder_ / name).string();
+  }
+  std::string path(const std::string& name) const { return (folder_ / name).string(); }
+
+  TemporaryFolder folder_, output_;
+};
+
+TEST_F(ScanCommand, AMeshGivesOneLineThatTheSchemaTakes) {
+  const ProgramEnd end = scan({write("pipe.off", off_text(bent_pipe()))});
+  ASSERT_EQ(end.exit_code, 0) << end.err;
+  ASSERT_EQ(end.out_lines().size(), 1U);
+  EXPECT_EQ(schema_complaints(end.out_lines(), output_.path()), "");
+  const auto line = nlohmann::json::parse(end.out);
+  EXPECT_EQ(line["frame"], 0);
+  EXPECT_EQ(line["frame_id"], "scan");
+  ASSERT_EQ(line["tubes"].size(), 1U);
+  EXPECT_NEAR(line["tubes"][0]["radius_m"].get<double>(), 0.006, 0.00005);
+  EXPECT_NEAR(line["tubes"][0]["length_m"].get<double>(), 0.120, 0.002);
+  EXPECT_THAT(end.err, HasSubstr("unit: mm (assumed)"));
+  EXPECT_THAT(end.err, HasSubstr("1 tube(s) in"));
+}
+
+TEST_F(ScanCommand, UnitsScaleTheResult) {
+  const std::string file = write("pipe.off", off_text(bent_pipe()));
+  const auto radius = [](const ProgramEnd& end) {
+    return nlohmann::json::parse(end.out)["tubes"][0]["radius_m"].get<double>();
+  };
+  EXPECT_NEAR(radius(scan({file, "--unit", "m"})), 6.0, 0.05);
+  EXPECT_NEAR(radius(scan({file, "--radius", "0.006"})), 0.006, 1e-9);
+  EXPECT_NEAR(radius(scan({file, "--radius-range", "0.004:0.01"})), 0.006, 5e-5);
+  EXPECT_EQ(scan({file, "--quiet"}).err, "");
+}
+
+TEST_F(ScanCommand, EqualScansGiveEqualBytes) {
+  const std::string file = write("pipe.off", off_text(bent_pipe()));
+  const ProgramEnd first = scan({file, "--no-timing"});
+  ASSERT_EQ(first.exit_code, 0) << first.err;
+  const ProgramEnd second = scan({file, "--no-timing", "--out", path("a.jsonl")});
+  EXPECT_EQ(second.out, "");
+  EXPECT_EQ(read_text(folder_ / "a.jsonl"), first.out);
+}
+
+TEST_F(ScanCommand, WrongUsageIsNamedAndEndsWithTwo) {
+  const std::string file = write("pipe.off", off_text(bent_pipe()));
+  const std::pair<std::vector<std::string>, std::string> cases[] = {
+      {{file, "--unit", "inch"}, "--unit inch: takes mm, m or voxel"},
+      {{file, "--radius", "-1"}, "--radius -1: takes"},
+      {{file, "--radius", "0.01", "--radius-range", "0.01:0.02"}, "give one of the two"},
+      {{file, "--radius-range", "0.02:0.01"}, "--radius-range 0.02:0.01: takes MIN:MAX"},
+      {{file, "--grid-step", "x"}, "--grid-step x: takes metres"},
+      {{file, "--out", "/nowhere/a.jsonl"}, "--out /nowhere/a.jsonl: "},
+      {{file, "--mesh", path("a.xyz")}, "takes .ply, .obj or .stl"},
+      {{file, "--lra", "/nowhere/a.csv"}, "--lra /nowhere/a.csv: "},
+      {{path("none.off")}, "no such file"},
+      {{path("")}, "is a folder"}};
+  for (const auto& [arguments, message] : cases) {
+    const ProgramEnd end = scan(arguments);
+    EXPECT_EQ(end.exit_code, 2) << message;
+    EXPECT_THAT(end.err, HasSubstr(message));
+  }
+}
+
+TEST_F(ScanCommand, FilesThatAreNoGoodGiveOneLineAndEndWithOne) {
+  const std::string whole = off_text(bent_pipe());
+  const std::pair<const char*, std::string> files[] = {{"empty.off", ""},
+                                                       {"cut.off", whole.substr(0, whole.size() / 2)},
+                                                       {"wrong.ply", whole},
+                                                       {"nan.off", "OFF\n3 1 0\n0 0 nan\n1 0 0\n0 1 0\n3 0 1 2\n"},
+                                                       {"index.off", "OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 7\n"},
+                                                       {"short.nii", std::string(100, '\0')}};
+  for (const auto& [name, bytes] : files) {
+    const ProgramEnd end = scan({write(name, bytes)});
+    EXPECT_EQ(end.exit_code, 1) << name << ": " << end.err;
+    EXPECT_EQ(end.error_lines().size(), 1U) << name << ": " << end.err;
+    EXPECT_THAT(end.err, HasSubstr(name));
+    EXPECT_EQ(end.out, "");
+  }
+}
+
+TEST_F(ScanCommand, AScanWithoutATubeSaysSo) {
+  const ProgramEnd end =
+      scan({write("flat.off", "OFF\n4 2 0\n0 0 0\n100 0 0\n0 100 0\n100 100 0\n3 0 1 2\n3 1 3 2\n")});
+  EXPECT_EQ(end.exit_code, 1);
+  EXPECT_THAT(end.err, HasSubstr("no tube of radius"));
+  EXPECT_THAT(end.err, HasSubstr("--radius-range"));
+  EXPECT_EQ(nlohmann::json::parse(end.out)["status"], "empty");
+  EXPECT_EQ(schema_complaints(end.out_lines(), output_.path()), "");
+}
+
+/// What a script for Debian's own Python prints, where it has VTK; a skipped test where not.
+std::string seen_by_vtk(const TemporaryFolder& folder, const std::string& script) {
+  write_bytes(folder / "read.py", script);
+  const std::string command = "/usr/bin/python3 '" + (folder / "read.py").string() + "' '" + folder.path().string() +
+                              "' > '" + (folder / "seen.txt").string() + "' 2>&1";
+  return std::system(command.c_str()) == 0 ? read_text(folder / "seen.txt") : "";
+}
+
+TEST_F(ScanCommand, ExportsAreReadBackByVtkAndCsvReaders) {
+  if (std::system("/usr/bin/python3 -c 'import vtk' 2> /dev/null") != 0)
+    GTEST_SKIP() << "python3-vtk9 is not installed";
+  const ProgramEnd end = scan({write("pipe.off", off_text(bent_pipe())), "--mesh", path("m.ply"), "--centerline",
+                               path("c.csv"), "--xyz", path("x.csv"), "--lra", path("l.csv"), "--vtk", path("c.vtk"),
+                               "--error-map", path("e.ply"), "--picture", path("p.png")});
+  ASSERT_EQ(end.exit_code, 0) << end.err;
+  for (const char* name : {"m.obj", "m.stl"}) ASSERT_EQ(scan({path("pipe.off"), "--mesh", path(name)}).exit_code, 0);
+  EXPECT_THAT(end.err, HasSubstr("95 %"));
+  const std::string seen = seen_by_vtk(folder_, R"(import csv, json, os, sys, vtk
+folder = sys.argv[1]
+seen = {}
+def mesh(name, reader):
+    reader.SetFileName(os.path.join(folder, name))
+    reader.Update()
+    clean = vtk.vtkCleanPolyData()
+    clean.SetInputConnection(reader.GetOutputPort())
+    measure = vtk.vtkMassProperties()
+    measure.SetInputConnection(clean.GetOutputPort())
+    seen[name] = [clean.GetOutput().GetNumberOfPolys() if measure.GetVolume() else 0, measure.GetVolume(), measure.GetSurfaceArea()]
+mesh("m.ply", vtk.vtkPLYReader())
+mesh("m.obj", vtk.vtkOBJReader())
+mesh("m.stl", vtk.vtkSTLReader())
+reader = vtk.vtkPLYReader()
+reader.SetFileName(os.path.join(folder, "e.ply"))
+reader.Update()
+seen["e.ply"] = [reader.GetOutput().GetNumberOfPoints(), reader.GetOutput().GetNumberOfPolys(),
+                 reader.GetOutput().GetPointData().GetScalars().GetNumberOfComponents()]
+reader = vtk.vtkPolyDataReader()
+reader.ReadAllScalarsOn()
+reader.SetFileName(os.path.join(folder, "c.vtk"))
+reader.Update()
+data = reader.GetOutput()
+seen["c.vtk"] = [data.GetNumberOfLines(), data.GetNumberOfPoints(), data.GetPointData().GetArray("radius_m").GetValue(0)]
+for name in ["c.csv", "x.csv", "l.csv"]:
+    rows = list(csv.DictReader(open(os.path.join(folder, name))))
+    seen[name] = rows
+print(json.dumps(seen))
+)");
+  ASSERT_NE(seen, "");
+  const auto read = nlohmann::json::parse(seen);
+  const auto tube = nlohmann::json::parse(end.out)["tubes"][0];
+  const double radius_m = tube["radius_m"], length_m = tube["length_m"];
+  for (const char* name : {"m.ply", "m.obj", "m.stl"}) {
+    EXPECT_NEAR(read[name][1].get<double>(), M_PI * radius_m * radius_m * length_m,
+                0.01 * M_PI * radius_m * radius_m * length_m)
+        << name;
+    EXPECT_NEAR(read[name][2].get<double>(), 2.0 * M_PI * radius_m * (length_m + radius_m),
+                0.01 * 2.0 * M_PI * radius_m * length_m)
+        << name;
+  }
+  EXPECT_EQ(read["e.ply"][0], bent_pipe().points.size());
+  EXPECT_EQ(read["e.ply"][1], bent_pipe().faces.size());
+  EXPECT_EQ(read["c.vtk"][0], 1);
+  EXPECT_EQ(read["c.vtk"][1], tube["centerline_m"].size());
+  EXPECT_NEAR(read["c.vtk"][2].get<double>(), radius_m, 1e-6);
+  ASSERT_EQ(read["c.csv"].size(), tube["centerline_m"].size());
+  EXPECT_NEAR(std::stod(read["c.csv"].back()["along_m"].get<std::string>()), length_m, 1e-6);
+  EXPECT_EQ(read["l.csv"].size(), tube["bend_table"]["lra"].size());
+  EXPECT_NEAR(std::stod(read["l.csv"][0]["angle_rad"].get<std::string>()), 3.0, 0.06);
+  EXPECT_NEAR(std::stod(read["l.csv"][0]["bend_radius_m"].get<std::string>()), 0.040, 0.0005);
+  EXPECT_EQ(read["x.csv"].size(), tube["bend_table"]["xyz_m"].size());
+}
+
+TEST_F(ScanCommand, ThePictureShowsBothSurfaces) {
+  const ProgramEnd end = scan({write("pipe.off", off_text(bent_pipe())), "--picture", path("p.png")});
+  ASSERT_EQ(end.exit_code, 0) << end.err;
+  const cv::Mat image = cv::imread(path("p.png"));
+  ASSERT_EQ(image.rows, 800);
+  ASSERT_EQ(image.cols, 1600);
+  int drawn[2] = {0, 0};
+  for (int row = 0; row < image.rows; ++row) {
+    for (int col = 0; col < image.cols; ++col)
+      drawn[col / 800] += image.at<cv::Vec3b>(row, col) != cv::Vec3b(255, 255, 255) ? 1 : 0;
+  }
+  EXPECT_GT(drawn[0], 30'000);
+  EXPECT_NEAR(drawn[1], drawn[0], 0.1 * drawn[0]);
+}
+
+/// Scans made by others. Skipped, saying so, where they are not there.
+class RealScanCommand : public ScanCommand {
+ protected:
+  void SetUp() override {
+    if (real_data().empty()) GTEST_SKIP() << "no real scans: set TUBETRACK_TEST_DATA to their folder";
+  }
+  nlohmann::json tubes_of(const std::string& name, std::vector<std::string> flags = {}) {
+    flags.insert(flags.begin(), (real_data() / name).string());
+    const ProgramEnd end = scan(flags);
+    EXPECT_EQ(end.exit_code, 0) << end.err;
+    std::printf("%s", end.err.c_str());
+    return end.exit_code == 0 ? nlohmann::json::parse(end.out)["tubes"] : nlohmann::json::array();
+  }
+};
+
+TEST_F(RealScanCommand, TheScannedSectionIsOneStraightTube) {
+  const auto tubes = tubes_of("meshes/tube-section-scan.off");
+  ASSERT_EQ(tubes.size(), 1U);
+  EXPECT_NEAR(tubes[0]["radius_m"].get<double>(), 0.0058, 0.0002);
+  ASSERT_EQ(tubes[0]["segments"].size(), 1U);
+  EXPECT_EQ(tubes[0]["segments"][0]["type"], "straight");
+}
+
+TEST_F(RealScanCommand, TheTrefoilIsOneClosedTubeWithoutEnds) {
+  const auto tubes = tubes_of("meshes/trefoil-tube.off");
+  ASSERT_EQ(tubes.size(), 1U);
+  EXPECT_TRUE(tubes[0].value("closed", false));
+  EXPECT_EQ(tubes[0]["centerline_m"].front(), tubes[0]["centerline_m"].back());
+}
+
+TEST_F(RealScanCommand, TheAortaIsFoundThroughoutItsCane) {
+  const auto tubes = tubes_of("aorta-ct/aorta_true_lumen.nii.gz");
+  double length_m = 0.0;
+  for (const auto& tube : tubes) length_m += tube["length_m"].get<double>();
+  EXPECT_GT(length_m, 0.35);
+}
+
+TEST_F(RealScanCommand, TheLamppostsPoleIsStraight) {
+  const auto tubes = tubes_of("clouds/lamppost.pcd", {"--unit", "m"});
+  ASSERT_GE(tubes.size(), 1U);
+  EXPECT_GT(tubes[0]["length_m"].get<double>(), 1.2);
+  EXPECT_NEAR(tubes[0]["radius_m"].get<double>(), 0.068, 0.008);
+}
+
+}  // namespace
+}  // namespace tubetrack::test

@@ -1,0 +1,266 @@
+#include "scan_evidence.hpp"
+
+#include <fmt/format.h>
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <array>
+#include <bit>
+#include <cmath>
+#include <numbers>
+
+namespace tubetrack {
+
+namespace {
+
+constexpr double kStationRadii = 0.5;
+constexpr int kBins = 36;  // of a section
+constexpr double kBin_rad = 2.0 * std::numbers::pi / kBins;
+constexpr double kAgreeRadii = 0.2, kMostAgreeRadii = 0.25, kAgreeSigmas = 3.0;
+constexpr double kAgreeFacing = 0.85;  // 32°
+constexpr double kMaxGapRadii = 3.0;
+
+/// Axes across the line at each station, carried along without a turn.
+struct Frame {
+  Eigen::Vector3d e1, e2;
+};
+
+std::vector<Frame> frames_along(const Spline& spline, const std::vector<ScanStation>& stations) {
+  std::vector<Frame> frames;
+  Eigen::Vector3d e1 = Eigen::Vector3d::Zero();
+  for (const ScanStation& station : stations) {
+    const Eigen::Vector3d along = derivative_at(spline, station.t).normalized();
+    e1 -= e1.dot(along) * along;
+    e1 = e1.norm() > 1e-3 ? Eigen::Vector3d(e1.normalized()) : Eigen::Vector3d(along.unitOrthogonal());
+    frames.push_back({e1, along.cross(e1)});
+  }
+  return frames;
+}
+
+double angle_of(const Eigen::Vector3d& outward, const Frame& frame) {
+  return std::atan2(outward.dot(frame.e2), outward.dot(frame.e1));
+}
+
+int bin_of(double angle_rad) {
+  const int bin = static_cast<int>(std::floor(angle_rad / kBin_rad));
+  return (bin % kBins + kBins) % kBins;
+}
+
+/// The bins that a surfel reaching `half_rad` to either side fills.
+std::uint64_t bins_around(double angle_rad, double half_rad) {
+  const int first = static_cast<int>(std::floor((angle_rad - half_rad) / kBin_rad));
+  const int last = static_cast<int>(std::floor((angle_rad + half_rad) / kBin_rad));
+  std::uint64_t bins = 0;
+  for (int k = first; k <= last && k < first + kBins; ++k) bins |= std::uint64_t{1} << ((k % kBins + kBins) % kBins);
+  return bins;
+}
+
+struct RadiusSums {
+  double count = 0.0, sum = 0.0, squares = 0.0;
+  RadiusSums& operator+=(const RadiusSums& other) {
+    count += other.count;
+    sum += other.sum;
+    squares += other.squares;
+    return *this;
+  }
+};
+
+struct Sections {
+  std::vector<std::uint64_t> by_place, by_normal;  // one a station
+  std::vector<std::array<RadiusSums, kBins>> radii;
+  std::vector<std::vector<double>> t_agreeing;
+};
+
+void set_arcs(const Sections& sections, double min_arc_rad, std::vector<ScanStation>& stations) {
+  for (std::size_t i = 0; i < stations.size(); ++i) {
+    std::uint64_t places = 0, normals = 0;
+    for (std::size_t k = i > 0 ? i - 1 : 0; k <= std::min(i + 1, stations.size() - 1); ++k) {
+      places |= sections.by_place[k];
+      normals |= sections.by_normal[k];
+    }
+    stations[i].arc_rad = kBin_rad * std::min(std::popcount(places), std::popcount(normals));
+    stations[i].seen = stations[i].agree > 0.0 && stations[i].arc_rad >= min_arc_rad;
+  }
+}
+
+/// First and last station of the run with the most seen ones; (1, 0) for none.
+std::pair<std::size_t, std::size_t> best_run(const std::vector<ScanStation>& stations) {
+  const auto max_gap = static_cast<std::size_t>(kMaxGapRadii / kStationRadii);
+  std::pair<std::size_t, std::size_t> best{1, 0}, run{1, 0};
+  int best_count = 0, count = 0;
+  for (std::size_t i = 0; i < stations.size(); ++i) {
+    if (!stations[i].seen) continue;
+    if (count == 0 || i - run.second > max_gap + 1) {
+      run = {i, i};
+      count = 0;
+    }
+    run.second = i;
+    if (++count > best_count) {
+      best_count = count;
+      best = run;
+    }
+  }
+  return best;
+}
+
+/// Where the surfels of an end's stations end: but for one in a hundred, or one, of them.
+double end_of(const Sections& sections, std::size_t station, bool front) {
+  std::vector<double> t = sections.t_agreeing[station];
+  const std::size_t inner = front ? station + 1 : station - 1;
+  if (inner < sections.t_agreeing.size())
+    t.insert(t.end(), sections.t_agreeing[inner].begin(), sections.t_agreeing[inner].end());
+  std::sort(t.begin(), t.end());
+  const std::size_t left_out = std::min(t.size() / 100, t.size() - 1);
+  return front ? t[left_out] : t[t.size() - 1 - left_out];
+}
+
+/// RMS of the section's shape against its mean, over stretches of four radii (a section that turns along a long tube
+/// would be smeared out) or as many more as it takes to have enough surfels; less what the scatter within the bins
+/// adds.
+double profile_rms(const Sections& sections, std::size_t first, std::size_t last) {
+  constexpr std::size_t kPooled = 8;
+  constexpr double kEnough = 8.0 * kBins;
+  double sum = 0.0, count = 0.0;
+  for (std::size_t begin = first, end = first; begin <= last; begin = end) {
+    std::array<RadiusSums, kBins> bins{};
+    double pooled = 0.0;
+    for (; end <= last && (end < begin + kPooled || pooled < kEnough); ++end) {
+      pooled += static_cast<double>(sections.t_agreeing[end].size());
+      for (std::size_t bin = 0; bin < kBins; ++bin) bins[bin] += sections.radii[end][bin];
+    }
+    double filled = 0.0, mean_m = 0.0, scatter = 0.0;
+    for (const RadiusSums& bin : bins) {
+      if (!(bin.count > 0.0)) continue;
+      filled += 1.0;
+      mean_m += bin.sum / bin.count;
+      scatter += std::max(0.0, bin.squares - bin.sum * bin.sum / bin.count);
+    }
+    if (!(filled > 0.0)) continue;
+    mean_m /= filled;
+    const double variance = scatter / std::max(1.0, pooled - filled);
+    for (const RadiusSums& bin : bins) {
+      if (!(bin.count > 0.0)) continue;
+      const double off = bin.sum / bin.count - mean_m;
+      sum += (off * off - variance / bin.count) / (mean_m * mean_m);
+      count += 1.0;
+    }
+  }
+  return count > 0.0 ? std::sqrt(std::max(0.0, sum / count)) : 0.0;
+}
+
+double taper_of(const std::vector<ScanStation>& stations, std::size_t first, std::size_t last, double station_m) {
+  double n = 0.0, sx = 0.0, sy = 0.0, sxx = 0.0, sxy = 0.0;
+  for (std::size_t i = first; i <= last; ++i) {
+    if (!(stations[i].radius_m > 0.0) || !stations[i].seen) continue;
+    const double x = station_m * static_cast<double>(i), y = stations[i].radius_m;
+    n += 1.0, sx += x, sy += y, sxx += x * x, sxy += x * y;
+  }
+  const double spread = sxx - (n > 0.0 ? sx * sx / n : 0.0);
+  return n > 2.0 && spread > 0.0 ? (sxy - sx * sy / n) / spread : 0.0;
+}
+
+double length_between(const Spline& spline, double t_begin, double t_end) {
+  const int pieces = std::max(1, static_cast<int>(std::ceil(8.0 * (t_end - t_begin))));
+  double length_m = 0.0;
+  Eigen::Vector3d last_m = point_at(spline, t_begin);
+  for (int i = 1; i <= pieces; ++i) {
+    const Eigen::Vector3d point_m = point_at(spline, t_begin + (t_end - t_begin) * i / pieces);
+    length_m += (point_m - last_m).norm();
+    last_m = point_m;
+  }
+  return length_m;
+}
+
+}  // namespace
+
+ScanEvidence look_at(std::span<const Surfel> surfels, const std::vector<SurfacePoint>& points, const ScanLine& line,
+                     double spacing_m, double scale_m, double min_arc_rad) {
+  ScanEvidence evidence;
+  const Spline& spline = line.model.spline;
+  const double radius_m = line.model.radius_m;
+  const double line_m = length_between(spline, 0.0, spline.spans());
+  const auto count = static_cast<std::size_t>(std::max(2.0, std::ceil(line_m / (kStationRadii * radius_m))));
+  const double station_spans = spline.spans() / static_cast<double>(count);
+  evidence.stations.resize(count);
+  for (std::size_t i = 0; i < count; ++i) evidence.stations[i].t = (static_cast<double>(i) + 0.5) * station_spans;
+  const std::vector<Frame> frames = frames_along(spline, evidence.stations);
+  Sections sections;
+  sections.by_place.resize(count);
+  sections.by_normal.resize(count);
+  sections.radii.resize(count);
+  sections.t_agreeing.resize(count);
+  const double agree_m = std::clamp(kAgreeSigmas * scale_m, kAgreeRadii * radius_m, kMostAgreeRadii * radius_m);
+  const double half_rad = std::min(0.75 * spacing_m / radius_m, 0.4);
+  for (const SurfacePoint& point : points) {
+    const auto at = std::min(static_cast<std::size_t>(point.t / station_spans), count - 1);
+    ScanStation& station = evidence.stations[at];
+    const double weight = surfels[point.surfel].weight;
+    station.facing += weight;
+    if (point.facing < kAgreeFacing || std::abs(point.distance_m - radius_m) > agree_m) continue;
+    station.agree += weight;
+    station.radius_m += weight * point.distance_m;
+    const double place_rad = angle_of(-point.inward, frames[at]);
+    const Eigen::Vector3d outward = -surfels[point.surfel].inward_normal.cast<double>();
+    sections.by_place[at] |= bins_around(place_rad, half_rad);
+    sections.by_normal[at] |= bins_around(angle_of(outward, frames[at]), half_rad);
+    const auto bin = static_cast<std::size_t>(bin_of(place_rad));
+    sections.radii[at][bin] += {1.0, point.distance_m, point.distance_m * point.distance_m};
+    sections.t_agreeing[at].push_back(point.t);
+  }
+  for (ScanStation& station : evidence.stations) {
+    if (station.agree > 0.0) station.radius_m /= station.agree;
+  }
+  set_arcs(sections, min_arc_rad, evidence.stations);
+  const auto [first, last] = best_run(evidence.stations);
+  if (first > last) return evidence;
+  evidence.t_begin = end_of(sections, first, true);
+  evidence.t_end = end_of(sections, last, false);
+  if (line.closed() && first <= static_cast<std::size_t>(line.overlap / station_spans) &&
+      evidence.t_end >= line.overlap + line.period - station_spans) {
+    evidence.t_begin = line.overlap;
+    evidence.t_end = line.overlap + line.period;
+  }
+  evidence.t_end = std::max(evidence.t_begin, evidence.t_end);
+  evidence.length_m = length_between(spline, evidence.t_begin, evidence.t_end);
+  std::vector<double> arcs;
+  double agree = 0.0, facing = 0.0;
+  for (std::size_t i = first; i <= last; ++i) {
+    arcs.push_back(evidence.stations[i].arc_rad);
+    agree += evidence.stations[i].agree;
+    facing += evidence.stations[i].facing;
+  }
+  std::nth_element(arcs.begin(), arcs.begin() + static_cast<std::ptrdiff_t>(arcs.size() / 2), arcs.end());
+  evidence.arc_rad = arcs[arcs.size() / 2];
+  evidence.support = agree / facing;
+  evidence.spacing_radii = spacing_m / radius_m;
+  evidence.scale_radii = scale_m / radius_m;
+  evidence.profile_rms_radii = profile_rms(sections, first, last);
+  evidence.taper = taper_of(evidence.stations, first, last, line_m / static_cast<double>(count));
+  return evidence;
+}
+
+std::optional<std::string> why_no_scan_tube(const ScanEvidence& evidence, double radius_m,
+                                            const ScanTubesConfig& config) {
+  constexpr double kLeastSupport = 0.6, kMostTaper = 0.08;
+  // Where normals point all around the section may be an oval, as a vessel's is (axes 1 : 1.5); those of a square bar
+  // point four ways. A section of few flat sides stands off the circle, and one of few points is uneven.
+  constexpr double kAllAround_rad = 4.2, kMostOval = 0.15, kMostOutOfRound = 0.07, kMostFlat = 0.08;
+  const double sides = std::min(kMostFlat, 0.25 * evidence.spacing_radii);
+  const bool all_around = evidence.arc_rad > kAllAround_rad;
+  const double out_of_round = all_around ? kMostOval : kMostOutOfRound + sides;
+  if (evidence.length_m < config.min_length_radii * radius_m)
+    return fmt::format("{:.4f} m long, less than {} radii", evidence.length_m, config.min_length_radii);
+  if (evidence.arc_rad < config.min_arc_rad) return fmt::format("{:.2f} rad of its section seen", evidence.arc_rad);
+  if (evidence.support < kLeastSupport) return fmt::format("{:.2f} of the surface agrees", evidence.support);
+  if (evidence.profile_rms_radii > out_of_round)
+    return fmt::format("{:.3f} radii out of round", evidence.profile_rms_radii);
+  // A true surface scatters less than its surfels are apart; what scatters more, and is seen from one side only, may be
+  // anything that is round by and large.
+  constexpr double kMostScatter = 0.04;
+  if (!all_around && evidence.scale_radii > std::max(kMostScatter, evidence.spacing_radii))
+    return fmt::format("scatters by {:.3f} radii", evidence.scale_radii);
+  if (std::abs(evidence.taper) > kMostTaper) return fmt::format("tapers by {:.3f}", evidence.taper);
+  return std::nullopt;
+}
+
+}  // namespace tubetrack

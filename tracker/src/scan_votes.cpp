@@ -1,0 +1,147 @@
+#include "scan_votes.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <utility>
+
+#include "tubetrack/tracker/trace.hpp"
+
+namespace tubetrack {
+
+namespace {
+
+constexpr double kCellRadii = 0.25;        // a map's cell, of the smallest radius it is for
+constexpr double kLargestCellRadii = 0.5;  // where the scan is coarser than that
+constexpr int kMaxVotes = 64;
+
+/// 21 bits an axis; what lies farther out has no votes either.
+std::uint64_t packed_cell(const Eigen::Vector3f& position_m, double cell_m) {
+  constexpr double kHalf = 1 << 20;
+  std::uint64_t key = 0;
+  for (Eigen::Index axis = 2; axis >= 0; --axis) {
+    const double at = std::clamp(std::floor(static_cast<double>(position_m[axis]) / cell_m), -kHalf, kHalf - 1.0);
+    key = (key << 21) | static_cast<std::uint64_t>(at + kHalf);
+  }
+  return key;
+}
+
+Surfel mean_of(std::span<const Surfel> surfels, std::span<const std::pair<std::uint64_t, std::uint32_t>> members) {
+  Surfel mean = surfels[members.front().second];
+  Eigen::Vector3d position = Eigen::Vector3d::Zero(), normal = Eigen::Vector3d::Zero();
+  double weight = 0.0;
+  for (const auto& [key, index] : members) {
+    const Surfel& surfel = surfels[index];
+    const double own = surfel.weight;
+    position += own * surfel.position_m.cast<double>();
+    normal += own * surfel.inward_normal.cast<double>();
+    weight += own;
+  }
+  if (!(weight > 0.0) || !(normal.norm() > 1e-6 * weight)) {
+    mean.weight = 0.0F;
+    return mean;
+  }
+  mean.position_m = (position / weight).cast<float>();
+  mean.inward_normal = normal.normalized().cast<float>();
+  mean.weight = static_cast<float>(normal.norm());
+  return mean;
+}
+
+/// The trace from the start up to the point before it is back there; empty where it never is.
+std::vector<TracePoint> once_around(const std::vector<TracePoint>& trace, double step_m) {
+  constexpr std::size_t kFewestPoints = 6;
+  for (std::size_t i = kFewestPoints; i < trace.size(); ++i) {
+    const Eigen::Vector3d to_start = trace.front().position_m - trace[i].position_m;
+    const Eigen::Vector3d onward = trace[i].position_m - trace[i - 1].position_m;
+    const Eigen::Vector3d first = trace[1].position_m - trace[0].position_m;
+    if (to_start.norm() > 1.6 * step_m || onward.dot(first) <= 0.0) continue;
+    const bool too_near = to_start.norm() < 0.5 * step_m || to_start.dot(first) < 0.0;
+    return {trace.begin(), trace.begin() + static_cast<std::ptrdiff_t>(too_near ? i : i + 1)};
+  }
+  return {};
+}
+
+double median_radius_m(std::vector<TracePoint> trace) {
+  const auto middle = trace.begin() + static_cast<std::ptrdiff_t>(trace.size() / 2);
+  std::nth_element(trace.begin(), middle, trace.end(),
+                   [](const TracePoint& a, const TracePoint& b) { return a.radius_m < b.radius_m; });
+  return middle->radius_m;
+}
+
+}  // namespace
+
+std::vector<Surfel> merged_by_cell(std::span<const Surfel> surfels, double cell_m) {
+  std::vector<std::pair<std::uint64_t, std::uint32_t>> members;
+  members.reserve(surfels.size());
+  for (std::size_t i = 0; i < surfels.size(); ++i)
+    members.emplace_back(packed_cell(surfels[i].position_m, cell_m), static_cast<std::uint32_t>(i));
+  std::sort(members.begin(), members.end());
+  std::vector<Surfel> merged;
+  for (std::size_t begin = 0, end = 0; begin < members.size(); begin = end) {
+    while (end < members.size() && members[end].first == members[begin].first) ++end;
+    const Surfel mean = mean_of(surfels, std::span(members).subspan(begin, end - begin));
+    if (mean.weight > 0.0F) merged.push_back(mean);
+  }
+  return merged;
+}
+
+std::vector<Octave> octaves_of(std::span<const Surfel> surfels, double radius_min_m, double radius_max_m,
+                               double grid_step_m, std::optional<double> cell_m) {
+  const int count = std::max(1, static_cast<int>(std::ceil(std::log2(radius_max_m / radius_min_m) - 1e-9)));
+  std::vector<Octave> octaves;
+  for (int i = 0; i < count; ++i) {
+    const double low = radius_min_m * std::pow(radius_max_m / radius_min_m, static_cast<double>(i) / count);
+    const double high = radius_min_m * std::pow(radius_max_m / radius_min_m, static_cast<double>(i + 1) / count);
+    // A little more on either side: a peak is as wide as a cell or two.
+    const double coarse_m = std::min(grid_step_m, kLargestCellRadii * low);
+    Octave octave{0.92 * low, 1.08 * high, cell_m.value_or(std::max(kCellRadii * low, coarse_m)), {}};
+    const std::span<const Surfel> finer = octaves.empty() ? surfels : std::span<const Surfel>(octaves.back().surfels);
+    octave.surfels = merged_by_cell(finer, octave.cell_m);
+    octaves.push_back(std::move(octave));
+  }
+  std::reverse(octaves.begin(), octaves.end());
+  return octaves;
+}
+
+VoteRecord weighted_record(const Surfel& surfel, const Octave& octave, double grid_step_m) {
+  Surfel voter = surfel;
+  voter.radius_min_m = static_cast<float>(octave.radius_min_m);
+  voter.radius_max_m = static_cast<float>(octave.radius_max_m);
+  VoteRecord record = vote_record(voter, octave.cell_m);
+  const double steps_per_cell = grid_step_m / octave.cell_m;
+  const double cells = static_cast<double>(surfel.weight) * steps_per_cell * steps_per_cell;
+  record.weight = static_cast<std::int32_t>(std::lround(std::clamp(kVotesPerCell * cells, 1.0, 1.0 * kMaxVotes)));
+  return record;
+}
+
+std::optional<ScanSeed> seed_at(const AccumulationMap& votes, const VoxelIndex& peak, const Octave& octave) {
+  // Directions spread over an arc of 80° have 0.147 of their moments across its middle; those of a sphere's votes, or a
+  // corner's, are spread in all three directions.
+  constexpr double kLeastSpread = 0.12, kMostPlanar = 0.5;
+  const Voxel sum = votes.box(peak, 1);
+  const VoxelAxis axis = axis_of(sum);
+  if (axis.spread < kLeastSpread || axis.planar > kMostPlanar) return std::nullopt;
+  TraceOptions options;
+  options.step_m = std::clamp(votes.cell_m() * sum.steps / sum.votes, octave.radius_min_m, octave.radius_max_m);
+  options.patch_half_m = 0.5 * options.step_m;
+  options.max_steps = 20'000;
+  const std::vector<TracePoint> front = trace_one_way(votes, peak, true, options);
+  std::vector<TracePoint> line = once_around(front, options.step_m);
+  ScanSeed seed;
+  seed.closed = !line.empty();
+  if (!seed.closed) {
+    line = trace_one_way(votes, peak, false, options);
+    std::reverse(line.begin(), line.end());
+    if (front.size() > 1) line.insert(line.end(), front.begin() + (line.empty() ? 0 : 1), front.end());
+  }
+  const Eigen::Vector3d center_m = votes.center_of(peak);
+  for (const TracePoint& point : line) seed.line_m.push_back(point.position_m);
+  seed.radius_m = line.empty() ? options.step_m : median_radius_m(line);
+  if (line.size() < 2) {
+    seed.line_m = {center_m - 0.75 * options.step_m * axis.direction,
+                   center_m + 0.75 * options.step_m * axis.direction};
+  }
+  return seed;
+}
+
+}  // namespace tubetrack
