@@ -36,7 +36,6 @@ Exit codes: 0 done or ended by Ctrl-C, 1 it failed while running (no device; los
 struct LiveOptions {
   std::string device;
   std::string record;
-  std::string deadline_ms;
   std::string status_every;
   TrackOptions track;
   DeviceFlags flags;
@@ -72,9 +71,6 @@ Expected<int> live(const LiveOptions& options) {
   if (options.track.print_config) {
     fmt::print("{}", config_text(*config));
     return 0;
-  }
-  if (!options.deadline_ms.empty()) {
-    return tl::make_unexpected(Error::usage("--deadline-ms: is not in this version; leave it out"));
   }
   const auto status_every_s = status_every_from(options.status_every);
   if (!status_every_s) return tl::make_unexpected(status_every_s.error());
@@ -130,7 +126,11 @@ void add_live(CLI::App& app, int& exit_code) {
       ->add_option("--status-every", options->status_every,
                    "a line on stderr so often: frames, drops, latency from capture to result, jitter")
       ->type_name("SECONDS");
-  command->add_option("--deadline-ms", options->deadline_ms, "not in this version")->type_name("T");
+  command
+      ->add_option(
+          "--deadline-ms", options->track.deadline_ms,
+          "a frame's time: when it is over, known tubes are followed still, new ones are left to the next frame")
+      ->type_name("T");
   add_output_flags(*command, options->track);
   command->callback([options, &exit_code] {
     const auto code = live(*options);

@@ -73,6 +73,10 @@ Expected<void> apply_machine(const TrackOptions& options, TrackerConfig& config)
     if (!threads || *threads < 1) return malformed("--threads", options.threads, "a whole number from 1 to 64");
     config.threads = *threads;
   }
+  if (!options.deadline_ms.empty()) {
+    config.deadline_ms = number_from<double>(options.deadline_ms);
+    if (!config.deadline_ms) return malformed("--deadline-ms", options.deadline_ms, "milliseconds, like 20");
+  }
   if (options.map == "plane") {
     return tl::make_unexpected(
         Error::usage("--map plane: is not in this version; leave --map out, or say --map image"));
@@ -90,7 +94,8 @@ std::string with_flag_name(const TrackOptions& options, const std::string& messa
       {"depth_min_m:", {"--depth-range", &options.depth_range}},
       {"depth_max_m:", {"--depth-range", &options.depth_range}},
       {"roi", {"--roi", &options.roi}},
-      {"threads:", {"--threads", &options.threads}}};
+      {"threads:", {"--threads", &options.threads}},
+      {"deadline_ms:", {"--deadline-ms", &options.deadline_ms}}};
   for (const auto& [field, flag] : flags) {
     if (message.starts_with(field) && !flag.second->empty()) {
       return fmt::format("{} {}: {}", flag.first, *flag.second, message);

@@ -12,7 +12,7 @@ namespace tubetrack {
 /// The flags as typed: empty where not given. They are read here, not by CLI11, so that a malformed value gives one
 /// line with the flag, the value and the form it takes.
 struct TrackOptions {
-  std::string radius, radius_range, config, threads, map, noise, depth_range, roi;
+  std::string radius, radius_range, config, threads, map, noise, depth_range, roi, deadline_ms;
   std::string out, overlay;
   bool no_timing = false, strict = false, quiet = false, print_config = false;
 };

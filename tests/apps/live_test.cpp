@@ -131,8 +131,9 @@ TEST_F(Live, WrongUseIsExitCode2InOneLineThatNamesTheFlag) {
     EXPECT_EQ(run(arguments), 2) << errors();
     return errors();
   };
-  EXPECT_EQ(refused({"live", "--deadline-ms", "5"}),
-            "tubetrack: --deadline-ms: is not in this version; leave it out\n");
+  EXPECT_EQ(refused({"live", "--deadline-ms", "5ms"}), "tubetrack: --deadline-ms 5ms: takes milliseconds, like 20\n");
+  EXPECT_EQ(refused({"live", "--deadline-ms", "0"}),
+            "tubetrack: --deadline-ms 0: deadline_ms: got 0, takes milliseconds, 0.01 to 1000000\n");
   EXPECT_EQ(refused({"live", "--depth-scale", "0.001"}),
             "tubetrack: --depth-scale: a device says its own unit; leave it out\n");
   EXPECT_EQ(refused({"live", "--on-reconnect", "maybe"}),
