@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <numeric>
 
 #include "visit_box.hpp"
 
@@ -61,10 +62,12 @@ AccumulationMap::AccumulationMap(double cell_m) : cell_m_(cell_m) {}
 
 void AccumulationMap::clear() {
   table_.clear();
-  free_blocks_.clear();
-  blocks_.clear();
+  for (Block& block : blocks_) block.filled = 0;
+  free_blocks_.resize(blocks_.size());
+  std::iota(free_blocks_.rbegin(), free_blocks_.rend(), 0);  // taken from the back, in the order of memory
   free_voxels_.clear();
   voxels_.clear();
+  votes_.clear();
   changed_.clear();
   min_votes_ = -1;  // nothing that was remembered holds
 }
@@ -80,8 +83,11 @@ AccumulationMap::Block& AccumulationMap::take_block(const VoxelIndex& key) {
       free_blocks_.pop_back();
     }
     table_.insert(key, at);
-    blocks_[static_cast<std::size_t>(at)].key = key;
-    blocks_[static_cast<std::size_t>(at)].changed = false;
+    Block& fresh = blocks_[static_cast<std::size_t>(at)];
+    fresh.key = key;
+    fresh.filled = 0;
+    fresh.shared = 0;
+    fresh.changed = false;
   }
   Block& block = blocks_[static_cast<std::size_t>(at)];
   if (!block.changed) changed_.push_back(key);
@@ -103,12 +109,14 @@ void AccumulationMap::vote(Block& block, int bit, const Voxel& one) {
   } else if (free_voxels_.empty()) {
     place = static_cast<std::uint32_t>(voxels_.size());
     voxels_.push_back(one);
+    votes_.push_back(0);
   } else {
     place = free_voxels_.back();
     free_voxels_.pop_back();
     voxels_[place] = one;
   }
   const Voxel& now = voxels_[place];
+  votes_[place] = now.votes;
   block.filled |= mask;
   block.shared = now.votes > 1 ? block.shared | mask : block.shared & ~mask;
   if (now.votes == 0 && now == Voxel{}) {
@@ -165,7 +173,7 @@ Voxel AccumulationMap::box(const VoxelIndex& index, int half) const {
 int AccumulationMap::box_votes(const VoxelIndex& index, int half) const {
   int sum = 0;
   visit_box(index, half,
-            [&](const Block& block, int bit) { sum += voxels_[block.place[static_cast<std::size_t>(bit)]].votes; });
+            [&](const Block& block, int bit) { sum += votes_[block.place[static_cast<std::size_t>(bit)]]; });
   return sum;
 }
 

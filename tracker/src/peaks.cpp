@@ -47,7 +47,7 @@ void AccumulationMap::sum_boxes(const Block& block) {
     const int bit = std::countr_zero(bits);
     const std::uint32_t place = block.place[static_cast<std::size_t>(bit)];
     int votes = 0;
-    if (voxels_[place].votes >= own_votes) votes = box_votes(voxel_at_bit(block.key, bit), box_half_);
+    if (votes_[place] >= own_votes) votes = box_votes(voxel_at_bit(block.key, bit), box_half_);
     box_votes_of_[place] = votes >= min_votes_ ? votes : 0;
   }
 }

@@ -1,7 +1,9 @@
 #pragma once
 
 #include <algorithm>
+#include <array>
 #include <bit>
+#include <cstddef>
 #include <cstdint>
 
 #include "tubetrack/tracker/accumulation_map.hpp"
@@ -22,20 +24,34 @@ inline VoxelIndex voxel_at_bit(const VoxelIndex& key, int bit) {
   return {4 * key.z + bit / 16, 4 * key.y + bit / 4 % 4, 4 * key.x + bit % 4};
 }
 
-/// Of a block that is the `key`-th along an axis, the bits of voxels up to `half` from `middle` along it. `slice`: the
-/// bits of its first slice across that axis; the next one is `stride` bits on.
-inline std::uint64_t slices(int key, int middle, int half, std::uint64_t slice, int stride) {
+/// For any choice of a block's four slices across an axis (bit i: the i-th), their voxels' bits.
+struct SliceBits {
+  std::array<std::uint64_t, 16> z{}, y{}, x{};
+
+  constexpr SliceBits() {
+    for (std::size_t choice = 0; choice < 16; ++choice) {
+      for (std::size_t i = 0; i < 4; ++i) {
+        if ((choice >> i & 1) == 0) continue;
+        z[choice] |= std::uint64_t{0xFFFF} << (16 * i);
+        y[choice] |= std::uint64_t{0x000F'000F'000F'000F} << (4 * i);
+        x[choice] |= std::uint64_t{0x1111'1111'1111'1111} << i;
+      }
+    }
+  }
+};
+inline constexpr SliceBits kSliceBits;
+
+/// Of the block that is the `key`-th along an axis, the slices up to `half` from voxel `middle`; at least one is.
+inline std::size_t slices_of_box(int key, int middle, int half) {
   const int first = std::max(middle - half - 4 * key, 0);
   const int last = std::min(middle + half - 4 * key, 3);
-  std::uint64_t bits = 0;
-  for (int i = first; i <= last; ++i) bits |= slice << (i * stride);
-  return bits;
+  return static_cast<std::size_t>((15 << first) & (15 >> (3 - last)));
 }
 
-/// The bits of a block's voxels that are in a box.
+/// The bits of a block's voxels that are in a box, which meets it.
 inline std::uint64_t bits_of_box(const VoxelIndex& key, const VoxelIndex& middle, int half) {
-  return slices(key.z, middle.z, half, 0xFFFF, 16) & slices(key.y, middle.y, half, 0x000F'000F'000F'000F, 4) &
-         slices(key.x, middle.x, half, 0x1111'1111'1111'1111, 1);
+  return kSliceBits.z[slices_of_box(key.z, middle.z, half)] & kSliceBits.y[slices_of_box(key.y, middle.y, half)] &
+         kSliceBits.x[slices_of_box(key.x, middle.x, half)];
 }
 
 /// Calls `visit(block, bit)` for every filled voxel of the (2·half + 1)³ around one.

@@ -107,6 +107,7 @@ class AccumulationMap {
   std::vector<Block> blocks_;
   std::vector<std::int32_t> free_blocks_;
   std::vector<Voxel> voxels_;
+  std::vector<std::int32_t> votes_;  // of the voxels, close together for sums over boxes
   std::vector<std::uint32_t> free_voxels_;
 
   // What `peaks` remembers.

@@ -23,18 +23,14 @@ class BlockTable {
 
   std::size_t size() const { return size_; }
   /// The block at `key`, or kNone.
-  std::int32_t find(const VoxelIndex& key) const { return slots_[slot_of(key)].block; }
-  /// Where `find` says kNone.
+  std::int32_t find(const VoxelIndex& key) const { return slots_[slot_of(key)]; }
+  /// Where `find` says kNone. Blocks are small numbers, each at one place.
   void insert(const VoxelIndex& key, std::int32_t block);
   /// Where `find` finds one.
   void erase(const VoxelIndex& key);
   void clear();
 
  private:
-  struct Slot {
-    VoxelIndex key;
-    std::int32_t block = kNone;
-  };
   std::size_t home_of(const VoxelIndex& key) const {
     const auto part = [](int value) { return static_cast<std::uint64_t>(static_cast<std::uint32_t>(value)); };
     std::uint64_t h = part(key.z) * 0x9E3779B97F4A7C15ULL + part(key.y) * 0xC2B2AE3D27D4EB4FULL + part(key.x);
@@ -43,11 +39,14 @@ class BlockTable {
   }
   std::size_t slot_of(const VoxelIndex& key) const {
     std::size_t at = home_of(key);
-    while (slots_[at].block != kNone && slots_[at].key != key) at = (at + 1) & (slots_.size() - 1);
+    while (slots_[at] != kNone && key_of(slots_[at]) != key) at = (at + 1) & (slots_.size() - 1);
     return at;
   }
+  const VoxelIndex& key_of(std::int32_t block) const { return keys_[static_cast<std::size_t>(block)]; }
 
-  std::vector<Slot> slots_ = std::vector<Slot>(1024);  // a power of two, at most half full
+  // Apart from the keys, so that the many searches for what is not there read little.
+  std::vector<std::int32_t> slots_ = std::vector<std::int32_t>(1024, kNone);  // a power of two, at most half full
+  std::vector<VoxelIndex> keys_;                                              // by block
   std::size_t size_ = 0;
 };
 
