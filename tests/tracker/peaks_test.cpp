@@ -46,15 +46,15 @@ RC_GTEST_PROP(Peaks, OfOtherVotesOrAnotherBoxAreLookedForAnew, (const Records& r
 RC_GTEST_PROP(BlockTable, FindsWhatWasInsertedAndNotErased, (const std::vector<std::tuple<int, int, int>>& keys)) {
   BlockTable table;
   std::map<VoxelIndex, std::int32_t> expected;
+  std::int32_t next = 0;
   // Few places, so that most come again and are erased then.
   for (const auto& [z, y, x] : keys) {
     for (const VoxelIndex key : {VoxelIndex{z % 3, y % 3, x % 3}, {z, y, x}}) {
       if (expected.erase(key) != 0) {
         table.erase(key);
       } else {
-        const auto block = static_cast<std::int32_t>(expected.size());
-        table.insert(key, block);
-        expected[key] = block;
+        table.insert(key, next);
+        expected[key] = next++;
       }
     }
     RC_ASSERT(table.size() == expected.size());
