@@ -4,6 +4,17 @@
 #include <bit>
 #include <cmath>
 
+#ifndef TUBETRACK_SURFEL_BAND
+#define TUBETRACK_SURFEL_BAND
+namespace tubetrack {
+namespace {
+// The band of radii that a curvature k allows: from kLowShare / (k + kBandSigmas σ) on.
+constexpr float kBandSigmas = 2.0F;
+constexpr float kLowShare = 0.8F;
+}  // namespace
+}  // namespace tubetrack
+#endif
+
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "surfel_row.cpp"
 #include <hwy/foreach_target.h>
@@ -86,10 +97,24 @@ HWY_INLINE V Difference(const Between& between, const float* before, const float
                  hn::IfThenElse(between.before, hn::LoadU(d, before), center));
 }
 
-/// Whether the inverse depth bends down in some direction by more than `sigmas` of the second difference's noise:
-/// whether its second derivatives plus that limit are not positive definite.
+/// What a bend must exceed before any normal is computed: `sigmas` of the second difference's noise, and `least`, in
+/// 1/m per pixel squared.
+struct Screen {
+  float sigmas;
+  float least;
+};
+
+/// A ray aside meets a surface that leans its way in shorter steps (at most 1/shortness times), and with more curvature
+/// for the same bend (at most its cube), which is all by which the careful gate can be laxer than these.
+HWY_INLINE Screen ScreenAt(const SurfelRule& rule, float shortness, float aspect) {
+  return {rule.gate_sigmas * shortness * std::max(1.0F, aspect),
+          rule.least_bend_per_m * (shortness * shortness * shortness)};
+}
+
+/// Whether the inverse depth bends down in some direction by more than the screen says: whether its second derivatives
+/// plus that limit are not positive definite.
 HWY_INLINE M BendsDown(const Neighbourhood& n, int i, const Between& across, const Between& down, float aspect,
-                       float sigmas) {
+                       const Screen& screen) {
   const int h = n.half;
   const float* u = n.row.slope_u + i;
   const float* v = n.row.slope_v + i;
@@ -99,8 +124,9 @@ HWY_INLINE M BendsDown(const Neighbourhood& n, int i, const Between& across, con
   const V vu = hn::Mul(Difference(across, v - h, v, v + h), hn::Mul(across.per_px, Set(aspect)));
   const V uv = hn::Mul(Difference(down, n.above.slope_u + i, u, n.below.slope_u + i), per_row);
   const V mixed = hn::Mul(Set(0.5F), hn::Add(uv, vu));
-  const V limit = hn::Mul(hn::Mul(hn::LoadU(D(), n.row.slope_sigma + i), Set(sigmas * kRoot2)),
+  const V noise = hn::Mul(hn::Mul(hn::LoadU(D(), n.row.slope_sigma + i), Set(screen.sigmas * kRoot2)),
                           hn::Max(across.per_px, down.per_px));
+  const V limit = hn::Max(noise, Set(screen.least));
   const V a = hn::Add(uu, limit);
   const V b = hn::Add(vv, limit);
   return hn::Or(hn::Le(a, hn::Zero(D())), hn::Le(hn::Mul(a, b), hn::Mul(mixed, mixed)));
@@ -232,8 +258,8 @@ std::uint64_t Surfels(const SurfelRule& rule, const Neighbourhood& n, int i, M c
   const Curvature k = CurvatureOf(rule, n, i, middle, across, down);
   const V z = middle.position_m.z;
   const V half_m = hn::Mul(z, Set(static_cast<float>(n.half) / rule.fx_px));
-  const V two_sigma = hn::Mul(Set(2.0F), k.sigma_per_m);
-  const V low = hn::Div(Set(0.8F), hn::Add(k.greater_per_m, two_sigma));
+  const V two_sigma = hn::Mul(Set(kBandSigmas), k.sigma_per_m);
+  const V low = hn::Div(Set(kLowShare), hn::Add(k.greater_per_m, two_sigma));
   const V high = hn::Div(Set(1.25F), hn::Sub(k.greater_per_m, two_sigma));
   M good =
       hn::And(candidates, hn::And(k.known, hn::Ge(k.greater_per_m, hn::Mul(Set(rule.gate_sigmas), k.sigma_per_m))));
@@ -264,7 +290,6 @@ void SurfelsOfRow(const SurfelRule& rule, const Neighbourhood& n, int begin, int
   const int step = static_cast<int>(hn::Lanes(d));
   const std::uint64_t lane_bits = (std::uint64_t{1} << step) - 1;
   const float aspect = rule.fy_px / rule.fx_px;
-  const float screen = rule.screen_sigmas * std::max(1.0F, aspect);
   Lanes lanes;
   for (int i = begin; i < end; i += step) {
     const V here = hn::LoadU(d, n.row.slope_u + i);
@@ -280,7 +305,8 @@ void SurfelsOfRow(const SurfelRule& rule, const Neighbourhood& n, int begin, int
     const Between down = Spread(hn::LoadU(d, n.above.slope_u + i), hn::LoadU(d, n.below.slope_u + i), n.half);
     open = hn::And(open, hn::And(across.known, down.known));
     if (hn::AllFalse(d, open)) continue;
-    open = hn::And(open, BendsDown(n, i, across, down, aspect, screen));
+    const float shortness = n.shortness_of_columns[padded / RayTable::kBlock_px] * n.shortness_of_row;
+    open = hn::And(open, BendsDown(n, i, across, down, aspect, ScreenAt(rule, shortness, aspect)));
     if (hn::AllFalse(d, open)) continue;
     const std::uint64_t bits = Surfels(rule, n, i, open, across, down, lanes);
     if (bits == 0) continue;
@@ -299,7 +325,7 @@ namespace tubetrack {
 
 HWY_EXPORT(SurfelsOfRow);
 
-SurfelRule::SurfelRule(const Intrinsics& in, float longest_ray2, const NoiseModel& model, const SurfelOptions& options)
+SurfelRule::SurfelRule(const Intrinsics& in, const NoiseModel& model, const SurfelOptions& options)
     : noise(model),
       fx_px(static_cast<float>(in.fx_px)),
       fy_px(static_cast<float>(in.fy_px)),
@@ -307,15 +333,27 @@ SurfelRule::SurfelRule(const Intrinsics& in, float longest_ray2, const NoiseMode
       cy_px(static_cast<float>(in.cy_px)),
       distorted(in.has_distortion()),
       gate_sigmas(static_cast<float>(options.gate_sigmas)),
-      screen_sigmas(gate_sigmas / std::sqrt(1.0F + longest_ray2)),
       radius_min_m(static_cast<float>(options.radius_min_m)),
-      radius_max_m(static_cast<float>(options.radius_max_m)) {}
+      radius_max_m(static_cast<float>(options.radius_max_m)) {
+  // The band's lower end is at most the largest radius, and the curvature's σ at most its share of the gate.
+  const float least_per_m = kLowShare / (radius_max_m * (1.0F + kBandSigmas / gate_sigmas));
+  constexpr float kCaution = 0.8F;  // differences over a window are not quite derivatives
+  least_bend_per_m = distorted ? 0.0F : kCaution * least_per_m / (fx_px * fx_px);
+}
 
 void surfels_of_row(const SurfelRule& rule, PlaneRing& planes, const RayTable& rays, const Grid& grid, int v,
                     int u_begin, int u_end, std::uint64_t* found, FoundSurfel* row) {
   const int half = planes.half_px();
-  Neighbourhood n{planes.row(v), planes.row(v - half), planes.row(v + half), nullptr,
-                  nullptr,       grid.stride(),        planes.u_begin(),     v,
+  Neighbourhood n{planes.row(v),
+                  planes.row(v - half),
+                  planes.row(v + half),
+                  nullptr,
+                  nullptr,
+                  grid.stride(),
+                  rays.shortness_of_columns.data(),
+                  rays.shortness_of_row[static_cast<std::size_t>(v)],
+                  planes.u_begin(),
+                  v,
                   half};
   if (rule.distorted) {
     const auto ray_at = static_cast<std::ptrdiff_t>(RayTable::at(grid, planes.u_begin(), v));
