@@ -65,8 +65,8 @@ void find_in_region(const SurfelRule& rule, const Region& region, SurfelWork& wo
     if (v < region.v_begin) continue;
     std::fill(work.row_found.begin(), work.row_found.end(), std::uint64_t{0});
     for (std::size_t size = kWindowSizes; size-- > 0;) {
-      surfels_of_row(rule, work.planes[size], work.rays, grid, v, region.u_begin, u_end, work.row_found.data(),
-                     work.row_surfels.data());
+      surfels_of_row(rule, work.planes[size], work.rays, grid, v, region.u_begin, u_end, work.candidates.data(),
+                     work.row_found.data(), work.row_surfels.data());
     }
     replace_found(region, v, work);
   }
@@ -118,6 +118,7 @@ void prepare(const HeightMap& map, SurfelWork& work) {
   }
   work.fits.resize(grid);
   work.row_found.assign(static_cast<std::size_t>(grid.words()), 0);
+  work.candidates.resize(static_cast<std::size_t>(grid.stride()));
   work.row_surfels.resize(static_cast<std::size_t>(grid.stride()));
   // Not set, so that memory is taken only where there are surfels.
   work.found = std::make_unique_for_overwrite<FoundSurfel[]>(map.rays.size());

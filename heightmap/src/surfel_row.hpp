@@ -66,7 +66,8 @@ struct Neighbourhood {
 
 /// Surfels from the planes of one size in row `v`, columns [u_begin, u_end): where `found` has no bit yet and the
 /// curvature passes the gate. Sets the bits of `found` (of the padded row), and the surfels in `row` (by image column).
+/// `candidates` is scratch: a padded row.
 void surfels_of_row(const SurfelRule& rule, PlaneRing& planes, const RayTable& rays, const Grid& grid, int v,
-                    int u_begin, int u_end, std::uint64_t* found, FoundSurfel* row);
+                    int u_begin, int u_end, std::int32_t* candidates, std::uint64_t* found, FoundSurfel* row);
 
 }  // namespace tubetrack
