@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <bit>
+#include <cmath>
 #include <cstring>
 
 namespace tubetrack {
@@ -64,11 +65,35 @@ void find_in_region(const SurfelRule& rule, const Region& region, SurfelWork& wo
     if (v < region.v_begin) continue;
     std::fill(work.row_found.begin(), work.row_found.end(), std::uint64_t{0});
     for (std::size_t size = kWindowSizes; size-- > 0;) {
-      surfels_of_row(rule, work.planes[size], work.rays, grid, v, region.u_begin, u_end, work.row_found.data(),
-                     work.row_surfels.data());
+      surfels_of_row(rule, work.planes[size], work.rays, grid, v, region.u_begin, u_end, work.candidates.data(),
+                     work.row_found.data(), work.row_surfels.data());
     }
     replace_found(region, v, work);
   }
+}
+
+void prepare_shortness(const HeightMap& map, const Grid& grid, RayTable& rays) {
+  const Intrinsics& in = map.intrinsics;
+  const auto farthest = [](double first_px, double last_px, double center_px) {
+    return std::max(std::abs(first_px - center_px), std::abs(last_px - center_px)) + kLargestHalf_px;
+  };
+  const auto shortness = [](double ray2) { return static_cast<float>(1.0 / std::sqrt(1.0 + ray2)); };
+  rays.shortness_of_columns.resize(static_cast<std::size_t>(grid.stride() / RayTable::kBlock_px));
+  rays.shortness_of_row.resize(static_cast<std::size_t>(grid.height));
+  for (int block = 0; block < grid.stride() / RayTable::kBlock_px; ++block) {
+    const int u = block * RayTable::kBlock_px - kMargin_px;
+    const double x = farthest(u, u + RayTable::kBlock_px - 1, in.cx_px) / in.fx_px;
+    rays.shortness_of_columns[static_cast<std::size_t>(block)] = shortness(x * x);
+  }
+  for (int v = 0; v < grid.height; ++v) {
+    const double y = farthest(v, v, in.cy_px) / in.fy_px;
+    rays.shortness_of_row[static_cast<std::size_t>(v)] = shortness(y * y);
+  }
+  if (!in.has_distortion()) return;
+  double longest2 = 0.0;
+  for (const Eigen::Vector2f& ray : map.rays) longest2 = std::max<double>(longest2, ray.squaredNorm());
+  std::fill(rays.shortness_of_columns.begin(), rays.shortness_of_columns.end(), shortness(longest2));
+  std::fill(rays.shortness_of_row.begin(), rays.shortness_of_row.end(), 1.0F);
 }
 
 }  // namespace
@@ -79,8 +104,7 @@ void prepare(const HeightMap& map, SurfelWork& work) {
   // A vector that starts in a row's last cell reads on.
   work.heights.height.assign(grid.size() + 64, 0);
   work.heights.variance.assign(grid.size() + 64, 0);
-  work.longest_ray2 = 0.0F;
-  for (const Eigen::Vector2f& ray : map.rays) work.longest_ray2 = std::max(work.longest_ray2, ray.squaredNorm());
+  prepare_shortness(map, grid, work.rays);
   if (map.intrinsics.has_distortion()) {
     const auto with_guards = grid.size() + 2 * static_cast<std::size_t>(grid.stride());
     work.rays.x.assign(with_guards, 0.0F);
@@ -94,6 +118,7 @@ void prepare(const HeightMap& map, SurfelWork& work) {
   }
   work.fits.resize(grid);
   work.row_found.assign(static_cast<std::size_t>(grid.words()), 0);
+  work.candidates.resize(static_cast<std::size_t>(grid.stride()));
   work.row_surfels.resize(static_cast<std::size_t>(grid.stride()));
   // Not set, so that memory is taken only where there are surfels.
   work.found = std::make_unique_for_overwrite<FoundSurfel[]>(map.rays.size());

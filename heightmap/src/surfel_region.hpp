@@ -18,11 +18,11 @@ inline constexpr int kSurfelReach_px = 2 * kLargestHalf_px;
 struct SurfelWork {
   Heights heights;
   RayTable rays;
-  float longest_ray2 = 0.0F;
   WindowFits fits;
   WindowSums sums;
   std::array<PlaneRing, kWindowSizes> planes;
   std::vector<std::uint64_t> row_found;  ///< of one row: columns with a surfel
+  std::vector<std::int32_t> candidates;  ///< of one row
   std::vector<FoundSurfel> row_surfels;  ///< and it, by column
   std::unique_ptr<FoundSurfel[]> found;  ///< by row, room for one a column, in order of columns
   std::vector<int> found_count;          ///< by row

@@ -4,6 +4,17 @@
 #include <bit>
 #include <cmath>
 
+#ifndef TUBETRACK_SURFEL_BAND
+#define TUBETRACK_SURFEL_BAND
+namespace tubetrack {
+namespace {
+// The band of radii that a curvature k allows: from kLowShare / (k + kBandSigmas σ) on.
+constexpr float kBandSigmas = 2.0F;
+constexpr float kLowShare = 0.8F;
+}  // namespace
+}  // namespace tubetrack
+#endif
+
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "surfel_row.cpp"
 #include <hwy/foreach_target.h>
@@ -20,9 +31,10 @@ namespace hn = hwy::HWY_NAMESPACE;
 using D = hn::CappedTag<float, 16>;
 using V = hn::Vec<D>;
 using M = hn::Mask<D>;
+using DI = hn::Rebind<std::int32_t, D>;
+using VI = hn::Vec<DI>;
 
 constexpr float kRoot2 = 1.41421356F;
-alignas(64) constexpr float kLane[16] = {0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15};
 
 HWY_INLINE V Set(float value) {
   return hn::Set(D(), value);
@@ -36,6 +48,15 @@ HWY_INLINE std::uint64_t Bits(M mask) {
 
 HWY_INLINE M MaskOf(std::uint64_t bits) {
   return hn::LoadMaskBits(D(), reinterpret_cast<const std::uint8_t*>(&bits));  // little-endian, as Highway's targets
+}
+
+/// What stands at some places, each lane at its own.
+HWY_INLINE V At(const float* from, VI places) {
+  return hn::GatherIndex(D(), from, places);
+}
+
+HWY_INLINE VI Beside(VI places, int by) {
+  return hn::Add(places, hn::Set(DI(), by));
 }
 
 struct V3 {
@@ -86,10 +107,24 @@ HWY_INLINE V Difference(const Between& between, const float* before, const float
                  hn::IfThenElse(between.before, hn::LoadU(d, before), center));
 }
 
-/// Whether the inverse depth bends down in some direction by more than `sigmas` of the second difference's noise:
-/// whether its second derivatives plus that limit are not positive definite.
+/// What a bend must exceed before any normal is computed: `sigmas` of the second difference's noise, and `least`, in
+/// 1/m per pixel squared.
+struct Screen {
+  float sigmas;
+  float least;
+};
+
+/// A ray aside meets a surface that leans its way in shorter steps (at most 1/shortness times), and with more curvature
+/// for the same bend (at most its cube), which is all by which the careful gate can be laxer than these.
+HWY_INLINE Screen ScreenAt(const SurfelRule& rule, float shortness, float aspect) {
+  return {rule.gate_sigmas * shortness * std::max(1.0F, aspect),
+          rule.least_bend_per_m * (shortness * shortness * shortness)};
+}
+
+/// Whether the inverse depth bends down in some direction by more than the screen says: whether its second derivatives
+/// plus that limit are not positive definite.
 HWY_INLINE M BendsDown(const Neighbourhood& n, int i, const Between& across, const Between& down, float aspect,
-                       float sigmas) {
+                       const Screen& screen) {
   const int h = n.half;
   const float* u = n.row.slope_u + i;
   const float* v = n.row.slope_v + i;
@@ -99,8 +134,9 @@ HWY_INLINE M BendsDown(const Neighbourhood& n, int i, const Between& across, con
   const V vu = hn::Mul(Difference(across, v - h, v, v + h), hn::Mul(across.per_px, Set(aspect)));
   const V uv = hn::Mul(Difference(down, n.above.slope_u + i, u, n.below.slope_u + i), per_row);
   const V mixed = hn::Mul(Set(0.5F), hn::Add(uv, vu));
-  const V limit = hn::Mul(hn::Mul(hn::LoadU(D(), n.row.slope_sigma + i), Set(sigmas * kRoot2)),
+  const V noise = hn::Mul(hn::Mul(hn::LoadU(D(), n.row.slope_sigma + i), Set(screen.sigmas * kRoot2)),
                           hn::Max(across.per_px, down.per_px));
+  const V limit = hn::Max(noise, Set(screen.least));
   const V a = hn::Add(uu, limit);
   const V b = hn::Add(vv, limit);
   return hn::Or(hn::Le(a, hn::Zero(D())), hn::Le(hn::Mul(a, b), hn::Mul(mixed, mixed)));
@@ -120,16 +156,15 @@ struct Rays {
   V px_per_ray;
 };
 
-HWY_INLINE Rays RaysWithoutDistortion(const SurfelRule& rule, int u, int v, V slope_u, V slope_v) {
-  const V x = hn::Sub(hn::Add(hn::Load(D(), kLane), Set(static_cast<float>(u))), Set(rule.cx_px));
+HWY_INLINE Rays RaysWithoutDistortion(const SurfelRule& rule, V u, int v, V slope_u, V slope_v) {
+  const V x = hn::Sub(u, Set(rule.cx_px));
   return {hn::Mul(x, Set(1.0F / rule.fx_px)), Set((static_cast<float>(v) - rule.cy_px) * (1.0F / rule.fy_px)),
           hn::Mul(slope_u, Set(rule.fx_px)), hn::Mul(slope_v, Set(rule.fy_px)), Set(std::max(rule.fx_px, rule.fy_px))};
 }
 
-HWY_INLINE Rays RaysOfTable(const float* x, const float* y, std::ptrdiff_t stride, V slope_u, V slope_v) {
-  const D d;
-  const auto half_step = [&](const float* at, std::ptrdiff_t by) HWY_ATTR {
-    return hn::Mul(Set(0.5F), hn::Sub(hn::LoadU(d, at + by), hn::LoadU(d, at - by)));
+HWY_INLINE Rays RaysOfTable(const float* x, const float* y, std::ptrdiff_t stride, VI places, V slope_u, V slope_v) {
+  const auto half_step = [&](const float* from, std::ptrdiff_t by) HWY_ATTR {
+    return hn::Mul(Set(0.5F), hn::Sub(At(from + by, places), At(from - by, places)));
   };
   const V xu = half_step(x, 1);
   const V xv = half_step(x, stride);
@@ -137,21 +172,22 @@ HWY_INLINE Rays RaysOfTable(const float* x, const float* y, std::ptrdiff_t strid
   const V yv = half_step(y, stride);
   const V det = hn::Sub(hn::Mul(xu, yv), hn::Mul(xv, yu));
   const V per_px2 = hn::Min(hn::Add(hn::Mul(xu, xu), hn::Mul(xv, xv)), hn::Add(hn::Mul(yu, yu), hn::Mul(yv, yv)));
-  return {hn::LoadU(d, x), hn::LoadU(d, y), hn::Div(hn::Sub(hn::Mul(slope_u, yv), hn::Mul(slope_v, yu)), det),
+  return {At(x, places), At(y, places), hn::Div(hn::Sub(hn::Mul(slope_u, yv), hn::Mul(slope_v, yu)), det),
           hn::Div(hn::Sub(hn::Mul(slope_v, xu), hn::Mul(slope_u, xv)), det), hn::Div(Set(1.0F), hn::Sqrt(per_px2))};
 }
 
-/// The planes of `row`, which is `rows_down` below the neighbourhood's, in cells i and on.
-HWY_INLINE Facet FacetAt(const SurfelRule& rule, const Neighbourhood& n, const PlaneRow& row, int i, int rows_down) {
-  const D d;
-  const V slope_u = hn::LoadU(d, row.slope_u + i);
-  const V slope_v = hn::LoadU(d, row.slope_v + i);
-  const std::ptrdiff_t ray_at = i + rows_down * n.ray_stride;
-  const Rays r = rule.distorted ? RaysOfTable(n.ray_x + ray_at, n.ray_y + ray_at, n.ray_stride, slope_u, slope_v)
-                                : RaysWithoutDistortion(rule, n.u_begin + i, n.v + rows_down, slope_u, slope_v);
+/// The planes of `row`, which is `rows_down` below the neighbourhood's, at some places of it.
+HWY_INLINE Facet FacetAt(const SurfelRule& rule, const Neighbourhood& n, const PlaneRow& row, VI places,
+                         int rows_down) {
+  const V slope_u = At(row.slope_u, places);
+  const V slope_v = At(row.slope_v, places);
+  const std::ptrdiff_t down = rows_down * n.ray_stride;
+  const V u = hn::ConvertTo(D(), Beside(places, n.u_begin));
+  const Rays r = rule.distorted ? RaysOfTable(n.ray_x + down, n.ray_y + down, n.ray_stride, places, slope_u, slope_v)
+                                : RaysWithoutDistortion(rule, u, n.v + rows_down, slope_u, slope_v);
   const V a = r.slope_x;
   const V b = r.slope_y;
-  const V w = hn::LoadU(d, row.height + i);
+  const V w = At(row.height, places);
   const V c = hn::Sub(w, hn::Add(hn::Mul(a, r.x), hn::Mul(b, r.y)));
   const V norm = hn::Sqrt(hn::Add(hn::Mul(a, a), hn::Add(hn::Mul(b, b), hn::Mul(c, c))));
   const V one = Set(1.0F);
@@ -167,13 +203,16 @@ struct Curvature {
   V sigma_per_m;
 };
 
-HWY_INLINE Curvature CurvatureOf(const SurfelRule& rule, const Neighbourhood& n, int i, const Facet& middle,
-                                 const Between& across, const Between& down) {
+HWY_INLINE Curvature CurvatureOf(const SurfelRule& rule, const Neighbourhood& n, VI places, const Facet& middle) {
   const int h = n.half;
-  const Facet before = FacetAt(rule, n, n.row, i - h, 0);
-  const Facet after = FacetAt(rule, n, n.row, i + h, 0);
-  const Facet above = FacetAt(rule, n, n.above, i, -h);
-  const Facet below = FacetAt(rule, n, n.below, i, h);
+  const VI left = Beside(places, -h);
+  const VI right = Beside(places, h);
+  const Between across = Spread(At(n.row.slope_u, left), At(n.row.slope_u, right), h);
+  const Between down = Spread(At(n.above.slope_u, places), At(n.below.slope_u, places), h);
+  const Facet before = FacetAt(rule, n, n.row, left, 0);
+  const Facet after = FacetAt(rule, n, n.row, right, 0);
+  const Facet above = FacetAt(rule, n, n.above, places, -h);
+  const Facet below = FacetAt(rule, n, n.below, places, h);
   const auto step = [&](const Between& known, const V3& first, const V3& mid, const V3& second)
                         HWY_ATTR { return Sub(Select(known.after, second, mid), Select(known.before, first, mid)); };
   const V3 step_u = step(across, before.position_m, middle.position_m, after.position_m);
@@ -207,7 +246,7 @@ HWY_INLINE Curvature CurvatureOf(const SurfelRule& rule, const Neighbourhood& n,
   const V off = hn::Mul(half, hn::Add(k01, k10));
   const V side = hn::Mul(half, hn::Sub(k00, k11));
   const V spread = hn::Sqrt(hn::Add(hn::Mul(side, side), hn::Mul(off, off)));
-  const V slope_sigma = hn::Mul(hn::LoadU(D(), n.row.slope_sigma + i), middle.px_per_ray);
+  const V slope_sigma = hn::Mul(At(n.row.slope_sigma, places), middle.px_per_ray);
   const V angle_sigma = hn::Div(hn::Mul(slope_sigma, Set(kRoot2)), middle.norm);
   return {known, hn::Add(mean, spread), hn::Div(angle_sigma, hn::Min(length_u, length_v))};
 }
@@ -216,27 +255,29 @@ HWY_INLINE Curvature CurvatureOf(const SurfelRule& rule, const Neighbourhood& n,
 struct Lanes {
   alignas(64) float x[16], y[16], z[16], nx[16], ny[16], nz[16], sigma[16], low[16], high[16];
 
-  void write(std::uint64_t bits, int u, FoundSurfel* out) const {
+  /// Lane i is that of column `u_begin` + `places`[i].
+  void write(std::uint64_t bits, int u_begin, const std::int32_t* places, std::uint64_t* found,
+             FoundSurfel* out) const {
     for (; bits != 0; bits &= bits - 1) {
       const int i = std::countr_zero(bits);
-      out[i] = {u + i, x[i], y[i], z[i], nx[i], ny[i], nz[i], sigma[i], low[i], high[i]};
+      const int u = u_begin + places[i];
+      found[(u + kMargin_px) / 64] |= std::uint64_t{1} << ((u + kMargin_px) % 64);
+      out[u] = {u, x[i], y[i], z[i], nx[i], ny[i], nz[i], sigma[i], low[i], high[i]};
     }
   }
 };
 
 /// The careful gate on cells that bend down. Bits of the lanes that are surfels, their values in `lanes`.
-std::uint64_t Surfels(const SurfelRule& rule, const Neighbourhood& n, int i, M candidates, const Between& across,
-                      const Between& down, Lanes& lanes) {
+std::uint64_t Surfels(const SurfelRule& rule, const Neighbourhood& n, VI places, Lanes& lanes) {
   const D d;
-  const Facet middle = FacetAt(rule, n, n.row, i, 0);
-  const Curvature k = CurvatureOf(rule, n, i, middle, across, down);
+  const Facet middle = FacetAt(rule, n, n.row, places, 0);
+  const Curvature k = CurvatureOf(rule, n, places, middle);
   const V z = middle.position_m.z;
   const V half_m = hn::Mul(z, Set(static_cast<float>(n.half) / rule.fx_px));
-  const V two_sigma = hn::Mul(Set(2.0F), k.sigma_per_m);
-  const V low = hn::Div(Set(0.8F), hn::Add(k.greater_per_m, two_sigma));
+  const V two_sigma = hn::Mul(Set(kBandSigmas), k.sigma_per_m);
+  const V low = hn::Div(Set(kLowShare), hn::Add(k.greater_per_m, two_sigma));
   const V high = hn::Div(Set(1.25F), hn::Sub(k.greater_per_m, two_sigma));
-  M good =
-      hn::And(candidates, hn::And(k.known, hn::Ge(k.greater_per_m, hn::Mul(Set(rule.gate_sigmas), k.sigma_per_m))));
+  M good = hn::And(k.known, hn::Ge(k.greater_per_m, hn::Mul(Set(rule.gate_sigmas), k.sigma_per_m)));
   good = hn::And(good, hn::Le(hn::Mul(k.greater_per_m, half_m), Set(0.8F)));  // no wider than the tube it suggests
   good = hn::And(good, hn::And(hn::Ge(high, Set(rule.radius_min_m)), hn::Le(low, Set(rule.radius_max_m))));
   const std::uint64_t bits = Bits(good);
@@ -257,35 +298,45 @@ std::uint64_t Surfels(const SurfelRule& rule, const Neighbourhood& n, int i, M c
   return bits;
 }
 
-/// Columns are those of the planes: [begin, end) of them.
-void SurfelsOfRow(const SurfelRule& rule, const Neighbourhood& n, int begin, int end, std::uint64_t* found,
-                  FoundSurfel* out) {
+/// Lists the cells that are worth the careful gate, few and far between; returns how many. Columns are those of the
+/// planes: [begin, end) of them.
+int ListCandidates(const SurfelRule& rule, const Neighbourhood& n, int begin, int end, const std::uint64_t* found,
+                   std::int32_t* candidates) {
   const D d;
   const int step = static_cast<int>(hn::Lanes(d));
   const std::uint64_t lane_bits = (std::uint64_t{1} << step) - 1;
   const float aspect = rule.fy_px / rule.fx_px;
-  const float screen = rule.screen_sigmas * std::max(1.0F, aspect);
-  Lanes lanes;
+  int count = 0;
   for (int i = begin; i < end; i += step) {
     const V here = hn::LoadU(d, n.row.slope_u + i);
     M open = hn::Lt(here, Set(0.5F * kNoPlane));
     if (hn::AllFalse(d, open)) continue;
-    const int u = n.u_begin + i;
-    const int padded = u + kMargin_px;
-    std::uint64_t& word = found[padded / 64];
-    const int shift = padded % 64;
-    open = hn::And(open, MaskOf(~word >> shift & lane_bits));
+    const int padded = n.u_begin + i + kMargin_px;
+    open = hn::And(open, MaskOf(~found[padded / 64] >> (padded % 64) & lane_bits));
     const Between across =
         Spread(hn::LoadU(d, n.row.slope_u + i - n.half), hn::LoadU(d, n.row.slope_u + i + n.half), n.half);
     const Between down = Spread(hn::LoadU(d, n.above.slope_u + i), hn::LoadU(d, n.below.slope_u + i), n.half);
     open = hn::And(open, hn::And(across.known, down.known));
     if (hn::AllFalse(d, open)) continue;
-    open = hn::And(open, BendsDown(n, i, across, down, aspect, screen));
-    if (hn::AllFalse(d, open)) continue;
-    const std::uint64_t bits = Surfels(rule, n, i, open, across, down, lanes);
-    if (bits == 0) continue;
-    word |= bits << shift;
-    lanes.write(bits, u, out + u);
+    const float shortness = n.shortness_of_columns[padded / RayTable::kBlock_px] * n.shortness_of_row;
+    open = hn::And(open, BendsDown(n, i, across, down, aspect, ScreenAt(rule, shortness, aspect)));
+    for (std::uint64_t bits = Bits(open); bits != 0; bits &= bits - 1) candidates[count++] = i + std::countr_zero(bits);
+  }
+  return count;
+}
+
+/// `candidates`: room for a column each, and a vector more.
+void SurfelsOfRow(const SurfelRule& rule, const Neighbourhood& n, int begin, int end, std::int32_t* candidates,
+                  std::uint64_t* found, FoundSurfel* out) {
+  const int step = static_cast<int>(hn::Lanes(D()));
+  const int count = ListCandidates(rule, n, begin, end, found, candidates);
+  if (count == 0) return;
+  std::fill_n(candidates + count, step, candidates[count - 1]);
+  Lanes lanes;
+  for (int i = 0; i < count; i += step) {
+    const std::uint64_t wanted = (std::uint64_t{1} << std::min(step, count - i)) - 1;
+    const std::uint64_t bits = Surfels(rule, n, hn::LoadU(DI(), candidates + i), lanes) & wanted;
+    lanes.write(bits, n.u_begin, candidates + i, found, out);
   }
 }
 
@@ -299,7 +350,7 @@ namespace tubetrack {
 
 HWY_EXPORT(SurfelsOfRow);
 
-SurfelRule::SurfelRule(const Intrinsics& in, float longest_ray2, const NoiseModel& model, const SurfelOptions& options)
+SurfelRule::SurfelRule(const Intrinsics& in, const NoiseModel& model, const SurfelOptions& options)
     : noise(model),
       fx_px(static_cast<float>(in.fx_px)),
       fy_px(static_cast<float>(in.fy_px)),
@@ -307,22 +358,34 @@ SurfelRule::SurfelRule(const Intrinsics& in, float longest_ray2, const NoiseMode
       cy_px(static_cast<float>(in.cy_px)),
       distorted(in.has_distortion()),
       gate_sigmas(static_cast<float>(options.gate_sigmas)),
-      screen_sigmas(gate_sigmas / std::sqrt(1.0F + longest_ray2)),
       radius_min_m(static_cast<float>(options.radius_min_m)),
-      radius_max_m(static_cast<float>(options.radius_max_m)) {}
+      radius_max_m(static_cast<float>(options.radius_max_m)) {
+  // The band's lower end is at most the largest radius, and the curvature's σ at most its share of the gate.
+  const float least_per_m = kLowShare / (radius_max_m * (1.0F + kBandSigmas / gate_sigmas));
+  constexpr float kCaution = 0.8F;  // differences over a window are not quite derivatives
+  least_bend_per_m = distorted ? 0.0F : kCaution * least_per_m / (fx_px * fx_px);
+}
 
 void surfels_of_row(const SurfelRule& rule, PlaneRing& planes, const RayTable& rays, const Grid& grid, int v,
-                    int u_begin, int u_end, std::uint64_t* found, FoundSurfel* row) {
+                    int u_begin, int u_end, std::int32_t* candidates, std::uint64_t* found, FoundSurfel* row) {
   const int half = planes.half_px();
-  Neighbourhood n{planes.row(v), planes.row(v - half), planes.row(v + half), nullptr,
-                  nullptr,       grid.stride(),        planes.u_begin(),     v,
+  Neighbourhood n{planes.row(v),
+                  planes.row(v - half),
+                  planes.row(v + half),
+                  nullptr,
+                  nullptr,
+                  grid.stride(),
+                  rays.shortness_of_columns.data(),
+                  rays.shortness_of_row[static_cast<std::size_t>(v)],
+                  planes.u_begin(),
+                  v,
                   half};
   if (rule.distorted) {
     const auto ray_at = static_cast<std::ptrdiff_t>(RayTable::at(grid, planes.u_begin(), v));
     n.ray_x = rays.x.data() + ray_at;
     n.ray_y = rays.y.data() + ray_at;
   }
-  HWY_DYNAMIC_DISPATCH(SurfelsOfRow)(rule, n, planes.index(u_begin), planes.index(u_end), found, row);
+  HWY_DYNAMIC_DISPATCH(SurfelsOfRow)(rule, n, planes.index(u_begin), planes.index(u_end), candidates, found, row);
 }
 
 }  // namespace tubetrack

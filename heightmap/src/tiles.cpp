@@ -9,6 +9,9 @@ namespace {
 /// How far a changed cell reaches: its surfels, and an edge between neighbours, or across a gap, beside it.
 constexpr int kReach_px = kSurfelReach_px + 1;
 constexpr int kReachAcrossGaps_px = kSurfelReach_px + kGapLimit_px;
+/// Rows are affected by so many at once. (Columns by tiles: what is computed from them goes by vectors.)
+constexpr int kUnit_px = 8;
+constexpr int kUnitsPerTile = kTileHeight_px / kUnit_px;
 /// The map is gone through again in this many bands, one every few frames.
 constexpr int kBands = 4;
 constexpr std::uint32_t kFramesPerBand = 16;
@@ -34,8 +37,8 @@ void TileLedger::start(const HeightMap& map) {
   taken_in_.assign(tiles, 0);
   holes_.assign(tiles, 0);
   taken_.assign(tiles, 0);
-  affected_.assign(tiles, 0);
-  regions_.reserve(tiles);
+  affected_.assign(tiles * kUnitsPerTile, 0);
+  regions_.reserve(tiles * kUnitsPerTile);
   started_ = false;
 }
 
@@ -56,30 +59,39 @@ void TileLedger::mark_affected(int row, int column) {
       holes |= holes_[static_cast<std::size_t>(r) * static_cast<std::size_t>(columns_) + static_cast<std::size_t>(c)];
     }
   }
-  const int reach = holes != 0 ? kReachAcrossGaps_px : kReach_px;
-  const int down = (reach + kTileHeight_px - 1) / kTileHeight_px;
-  const int across = (reach + kTileWidth_px - 1) / kTileWidth_px;
+  mark_around(row, column, kReach_px, kReach_px);
+  if (holes == 0) return;
+  // Gaps are looked across along rows and columns only.
+  mark_around(row, column, kReach_px, kReachAcrossGaps_px);
+  mark_around(row, column, kReachAcrossGaps_px, kReach_px);
+}
+
+void TileLedger::mark_around(int row, int column, int down_px, int across_px) {
+  const int down = (down_px + kUnit_px - 1) / kUnit_px;
+  const int across = (across_px + kTileWidth_px - 1) / kTileWidth_px;
   const int first = std::max(0, column - across);
   const int last = std::min(columns_ - 1, column + across);
-  for (int r = std::max(0, row - down); r <= std::min(rows_ - 1, row + down); ++r) {
-    std::fill_n(affected_.begin() + r * columns_ + first, last - first + 1, std::uint8_t{1});
+  const int above = std::max(0, row * kUnitsPerTile - down);
+  const int below = std::min(rows_ * kUnitsPerTile, (row + 1) * kUnitsPerTile + down);
+  for (int unit = above; unit < below; ++unit) {
+    std::fill_n(affected_.begin() + unit * columns_ + first, last - first + 1, std::uint8_t{1});
   }
 }
 
-/// Affected tiles as rectangles: runs of a row of tiles, joined with each other and with those above where that is less
-/// work than each on its own.
+/// What is affected as rectangles: runs of tiles of a row of units, joined with each other and with those above where
+/// that is less work than each on its own.
 void TileLedger::gather_regions(const HeightMap& map) {
   const int width = map.intrinsics.width;
   const int height = map.intrinsics.height;
   regions_.clear();
-  for (int row = 0; row < rows_; ++row) {
+  for (int unit = 0; unit * kUnit_px < height; ++unit) {
     for (int column = 0; column < columns_; ++column) {
-      const std::uint8_t* tiles = affected_.data() + static_cast<std::ptrdiff_t>(row) * columns_;
+      const std::uint8_t* tiles = affected_.data() + static_cast<std::ptrdiff_t>(unit) * columns_;
       if (!tiles[column]) continue;
       const int first = column;
       while (column < columns_ && tiles[column]) ++column;
-      const Region run{first * kTileWidth_px, std::min(column * kTileWidth_px, width), row * kTileHeight_px,
-                       std::min((row + 1) * kTileHeight_px, height)};
+      const Region run{first * kTileWidth_px, std::min(column * kTileWidth_px, width), unit * kUnit_px,
+                       std::min((unit + 1) * kUnit_px, height)};
       const auto joined = std::find_if(regions_.rbegin(), regions_.rend(), [&](const Region& region) {
         return region.v_end >= run.v_begin && cost(hull(region, run)) <= cost(region) + cost(run);
       });

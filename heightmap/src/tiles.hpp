@@ -25,6 +25,7 @@ class TileLedger {
   bool due(const HeightMap& map, int row, std::size_t tile) const;
   void take_row_of_tiles(const HeightMap& map, int row, Heights& heights);
   void mark_affected(int row, int column);
+  void mark_around(int row, int column, int down_px, int across_px);
   void gather_regions(const HeightMap& map);
 
   int rows_ = 0;
@@ -33,7 +34,7 @@ class TileLedger {
   std::vector<std::uint32_t> taken_in_;  ///< by tile: the frame in which its heights were taken
   std::vector<std::uint8_t> holes_;      ///< by tile: bit 0 now, bit 1 before heights were taken
   std::vector<std::uint8_t> taken_;      ///< by tile: in this call
-  std::vector<std::uint8_t> affected_;   ///< by tile: surfels depend on what was taken in this call
+  std::vector<std::uint8_t> affected_;   ///< by unit of rows and column of tiles: surfels depend on what was taken now
   std::vector<Region> regions_;
 };
 

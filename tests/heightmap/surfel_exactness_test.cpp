@@ -60,7 +60,7 @@ TEST(SurfelFinder, IncrementallyFindsBitForBitWhatItFindsAnewInTheSameHeights) {
   TileLedger ledger;
   prepare(map, work);
   ledger.start(map);
-  const SurfelRule rule(kCamera, work.longest_ray2, {}, {});
+  const SurfelRule rule(kCamera, {}, {});
   int partial = 0;
   for (int frame = 0; frame < 150; ++frame) {
     update(map, patches.next(), {}, {}, true);

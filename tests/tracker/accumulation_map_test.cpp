@@ -2,8 +2,6 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <rapidcheck.h>
-#include <rapidcheck/gtest.h>
 
 #include <Eigen/Geometry>
 #include <algorithm>
@@ -13,42 +11,13 @@
 #include <random>
 #include <set>
 
-namespace rc {
-
-template <>
-struct Arbitrary<tubetrack::VoteRecord> {
-  static Gen<tubetrack::VoteRecord> arbitrary() {
-    const auto part = gen::inRange(-1000, 1001);
-    const auto place = gen::inRange(-40 * 4096, 40 * 4096);
-    return gen::apply(
-        [](const std::tuple<int, int, int>& origin, const std::tuple<int, int, int>& way, int first, int count,
-           int weight) {
-          Eigen::Vector3d direction(std::get<0>(way), std::get<1>(way), std::get<2>(way));
-          if (direction.isZero()) direction = Eigen::Vector3d::UnitZ();
-          direction *= 4096.0 / direction.norm();
-          tubetrack::VoteRecord record;
-          record.origin = {std::get<0>(origin), std::get<1>(origin), std::get<2>(origin)};
-          for (std::size_t i = 0; i < 3; ++i) {
-            record.direction[i] = static_cast<std::int32_t>(std::lround(direction[static_cast<Eigen::Index>(i)]));
-          }
-          record.first_step = static_cast<std::int16_t>(first);
-          record.last_step = static_cast<std::int16_t>(first + count - 1);
-          record.weight = weight;
-          return record;
-        },
-        gen::tuple(place, place, place), gen::tuple(part, part, part), gen::inRange(0, 12), gen::inRange(0, 25),
-        gen::inRange(1, 4));
-  }
-};
-
-}  // namespace rc
+#include "tracker/vote_records.hpp"
 
 namespace tubetrack {
 
 namespace {
 
 using Eigen::Vector3d;
-using Records = std::vector<VoteRecord>;
 using DenseMap = std::map<VoxelIndex, Voxel>;
 
 std::int64_t floor_divide(std::int64_t a, std::int64_t b) {
@@ -98,12 +67,6 @@ std::set<VoxelIndex> around(const DenseMap& map, int half) {
   return result;
 }
 
-AccumulationMap map_of(const Records& records) {
-  AccumulationMap map(0.003);
-  for (const VoteRecord& record : records) map.add(record);
-  return map;
-}
-
 Voxel box_of(const DenseMap& map, const VoxelIndex& center, int half) {
   Voxel sum;
   for (int z = -half; z <= half; ++z) {
@@ -132,7 +95,7 @@ RC_GTEST_PROP(AccumulationMap, AnyOrderOfVotesAndWithdrawalsGivesTheMapOfTheLive
   std::shuffle(steps.begin(), steps.end(), random);
   AccumulationMap map(0.003);
   for (const auto& [record, withdrawn] : steps) withdrawn ? map.withdraw(record) : map.add(record);
-  const AccumulationMap batch = map_of(live);
+  AccumulationMap batch = map_of(live);
   Records all = live;
   all.insert(all.end(), gone.begin(), gone.end());
   for (const auto& [at, voxel] : dense(all)) RC_ASSERT(map.at(at) == batch.at(at));
@@ -188,7 +151,7 @@ RC_GTEST_PROP(AccumulationMap, PeaksAreTheLocalMaximaTiesToTheLowestVoxel, (Reco
     for (std::int32_t& place : record.origin) place /= 16;
     record.last_step = std::min<std::int16_t>(record.last_step, 12);
   }
-  const AccumulationMap map = map_of(records);
+  AccumulationMap map = map_of(records);
   const DenseMap expected = dense(records);
   for (const int half : {0, 1, 2}) {
     for (const int min_votes : {1, 3, 30}) {

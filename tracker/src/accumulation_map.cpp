@@ -4,7 +4,9 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <utility>
+#include <numeric>
+
+#include "visit_box.hpp"
 
 namespace tubetrack {
 
@@ -13,14 +15,6 @@ namespace {
 constexpr int kFractionBits = 12;
 constexpr double kOne = 1 << kFractionBits;
 constexpr int kMomentShift = 5;  // directions enter the moments in 1/128
-
-int local_index(const VoxelIndex& v) {
-  return ((v.z & 7) * 8 + (v.y & 7)) * 8 + (v.x & 7);
-}
-
-VoxelIndex block_key(const VoxelIndex& v) {
-  return {v.z >> 3, v.y >> 3, v.x >> 3};
-}
 
 VoxelIndex voxel_at_step(const VoteRecord& r, int step) {
   const auto at = [&](std::size_t axis) { return (r.origin[axis] + step * r.direction[axis]) >> kFractionBits; };
@@ -66,46 +60,80 @@ VoteRecord vote_record(const Surfel& surfel, double cell_m) {
 
 AccumulationMap::AccumulationMap(double cell_m) : cell_m_(cell_m) {}
 
-std::size_t AccumulationMap::Hash::operator()(const VoxelIndex& key) const {
-  const auto mix = [](std::uint64_t h, int value) {
-    h ^= static_cast<std::uint32_t>(value);
-    h *= 0x9E3779B97F4A7C15ULL;
-    return h ^ (h >> 29);
-  };
-  return static_cast<std::size_t>(mix(mix(mix(0x243F6A8885A308D3ULL, key.z), key.y), key.x));
-}
-
-const AccumulationMap::Block* AccumulationMap::block_at(const VoxelIndex& key) const {
-  const auto found = block_of_.find(key);
-  return found == block_of_.end() ? nullptr : &blocks_[found->second];
+void AccumulationMap::clear() {
+  table_.clear();
+  for (Block& block : blocks_) block.filled = 0;
+  free_blocks_.resize(blocks_.size());
+  std::iota(free_blocks_.rbegin(), free_blocks_.rend(), 0);  // taken from the back, in the order of memory
+  free_voxels_.clear();
+  voxels_.clear();
+  votes_.clear();
+  changed_.clear();
+  min_votes_ = -1;  // nothing that was remembered holds
 }
 
 AccumulationMap::Block& AccumulationMap::take_block(const VoxelIndex& key) {
-  const auto [entry, fresh] = block_of_.try_emplace(key, blocks_.size());
-  if (fresh && free_blocks_.empty()) {
-    blocks_.emplace_back();
-  } else if (fresh) {
-    entry->second = free_blocks_.back();
-    free_blocks_.pop_back();
+  std::int32_t at = table_.find(key);
+  if (at == BlockTable::kNone) {
+    if (free_blocks_.empty()) {
+      at = static_cast<std::int32_t>(blocks_.size());
+      blocks_.emplace_back();
+    } else {
+      at = free_blocks_.back();
+      free_blocks_.pop_back();
+    }
+    table_.insert(key, at);
+    Block& fresh = blocks_[static_cast<std::size_t>(at)];
+    fresh.key = key;
+    fresh.filled = 0;
+    fresh.shared = 0;
+    fresh.changed = false;
   }
-  return blocks_[entry->second];
+  Block& block = blocks_[static_cast<std::size_t>(at)];
+  if (!block.changed) changed_.push_back(key);
+  block.changed = true;
+  return block;
 }
 
-void AccumulationMap::leave_block(const VoxelIndex& key, const Block& block) {
+void AccumulationMap::leave_if_empty(const Block& block) {
   if (block.filled != 0) return;
-  const auto entry = block_of_.find(key);
-  free_blocks_.push_back(entry->second);
-  block_of_.erase(entry);
+  free_blocks_.push_back(static_cast<std::int32_t>(&block - blocks_.data()));
+  table_.erase(block.key);
+}
+
+void AccumulationMap::vote(Block& block, int bit, const Voxel& one) {
+  const std::uint64_t mask = std::uint64_t{1} << bit;
+  std::uint32_t& place = block.place[static_cast<std::size_t>(bit)];
+  if ((block.filled & mask) != 0) {
+    voxels_[place] += one;
+  } else if (free_voxels_.empty()) {
+    place = static_cast<std::uint32_t>(voxels_.size());
+    voxels_.push_back(one);
+    votes_.push_back(0);
+  } else {
+    place = free_voxels_.back();
+    free_voxels_.pop_back();
+    voxels_[place] = one;
+  }
+  const Voxel& now = voxels_[place];
+  votes_[place] = now.votes;
+  block.filled |= mask;
+  block.shared = now.votes > 1 ? block.shared | mask : block.shared & ~mask;
+  if (now.votes == 0 && now == Voxel{}) {
+    block.filled &= ~mask;
+    free_voxels_.push_back(place);
+  }
 }
 
 void AccumulationMap::cast(const VoteRecord& record, int sign) {
   const std::int32_t weight = sign * record.weight;
+  if (weight == 0) return;
   // Rounded to the nearest: rounding down would tilt the axis of a tube seen from one side by up to 0.3°.
   const auto rounded = [](std::int32_t value) { return (value + (1 << kMomentShift) / 2) >> kMomentShift; };
   const std::int64_t dx = rounded(record.direction[0]);
   const std::int64_t dy = rounded(record.direction[1]);
   const std::int64_t dz = rounded(record.direction[2]);
-  Voxel vote{
+  Voxel one{
       weight,
       0,
       {weight * dx * dx, weight * dx * dy, weight * dx * dz, weight * dy * dy, weight * dy * dz, weight * dz * dz}};
@@ -117,44 +145,35 @@ void AccumulationMap::cast(const VoteRecord& record, int sign) {
     if (step > record.first_step && index == last) continue;
     last = index;
     if (const VoxelIndex here = block_key(index); !block || here != key) {
-      if (block) leave_block(key, *block);
+      if (block) leave_if_empty(*block);
       key = here;
       block = &take_block(key);
     }
-    const auto local = static_cast<std::size_t>(local_index(index));
-    Voxel& voxel = block->voxels[local];
-    const bool was_filled = voxel != Voxel{};
-    const bool was_shared = voxel.votes > 1;
-    vote.steps = weight * step;
-    voxel += vote;
-    block->votes[local] = voxel.votes;
-    block->filled += static_cast<int>(voxel != Voxel{}) - static_cast<int>(was_filled);
-    block->shared += static_cast<int>(voxel.votes > 1) - static_cast<int>(was_shared);
+    one.steps = weight * step;
+    vote(*block, bit_of(index), one);
   }
-  if (block) leave_block(key, *block);
+  if (block) leave_if_empty(*block);
 }
 
 Voxel AccumulationMap::at(const VoxelIndex& index) const {
-  const Block* block = block_at(block_key(index));
-  return block ? block->voxels[static_cast<std::size_t>(local_index(index))] : Voxel{};
+  const std::int32_t at = table_.find(block_key(index));
+  if (at == BlockTable::kNone) return {};
+  const Block& block = blocks_[static_cast<std::size_t>(at)];
+  const int bit = bit_of(index);
+  return (block.filled >> bit & 1) != 0 ? voxels_[block.place[static_cast<std::size_t>(bit)]] : Voxel{};
 }
 
 Voxel AccumulationMap::box(const VoxelIndex& index, int half) const {
   Voxel sum;
-  VoxelIndex key = block_key(index);
-  const Block* block = block_at(key);
-  for (int z = index.z - half; z <= index.z + half; ++z) {
-    for (int y = index.y - half; y <= index.y + half; ++y) {
-      for (int x = index.x - half; x <= index.x + half; ++x) {
-        const VoxelIndex at{z, y, x};
-        if (const VoxelIndex here = block_key(at); here != key) {
-          key = here;
-          block = block_at(key);
-        }
-        if (block) sum += block->voxels[static_cast<std::size_t>(local_index(at))];
-      }
-    }
-  }
+  visit_box(index, half,
+            [&](const Block& block, int bit) { sum += voxels_[block.place[static_cast<std::size_t>(bit)]]; });
+  return sum;
+}
+
+int AccumulationMap::box_votes(const VoxelIndex& index, int half) const {
+  int sum = 0;
+  visit_box(index, half,
+            [&](const Block& block, int bit) { sum += votes_[block.place[static_cast<std::size_t>(bit)]]; });
   return sum;
 }
 
@@ -165,94 +184,6 @@ VoxelIndex AccumulationMap::index_of(const Eigen::Vector3d& point_m) const {
 
 Eigen::Vector3d AccumulationMap::center_of(const VoxelIndex& index) const {
   return Eigen::Vector3d(index.x + 0.5, index.y + 0.5, index.z + 0.5) * cell_m_;
-}
-
-int AccumulationMap::box_votes(const VoxelIndex& index, int half) const {
-  const VoxelIndex first{index.z - half, index.y - half, index.x - half};
-  const VoxelIndex last{index.z + half, index.y + half, index.x + half};
-  const VoxelIndex first_key = block_key(first);
-  const VoxelIndex last_key = block_key(last);
-  const auto within = [](int key, int low, int high) {
-    return std::pair{std::max(low - key * kSide, 0), std::min(high - key * kSide, kSide - 1)};
-  };
-  int sum = 0;
-  for (int bz = first_key.z; bz <= last_key.z; ++bz) {
-    for (int by = first_key.y; by <= last_key.y; ++by) {
-      for (int bx = first_key.x; bx <= last_key.x; ++bx) {
-        const Block* block = block_at({bz, by, bx});
-        if (!block) continue;
-        const auto [z_first, z_last] = within(bz, first.z, last.z);
-        const auto [y_first, y_last] = within(by, first.y, last.y);
-        const auto [x_first, x_last] = within(bx, first.x, last.x);
-        for (int z = z_first; z <= z_last; ++z) {
-          for (int y = y_first; y <= y_last; ++y) {
-            const std::int32_t* row = block->votes.data() + (z * kSide + y) * kSide;
-            for (int x = x_first; x <= x_last; ++x) sum += row[x];
-          }
-        }
-      }
-    }
-  }
-  return sum;
-}
-
-std::vector<VoxelIndex> AccumulationMap::peaks(int min_votes, int box_half) const {
-  struct Candidate {
-    int votes;
-    VoxelIndex index;
-  };
-  constexpr std::size_t kVoxels = kSide * kSide * kSide;
-  constexpr std::size_t kNone = std::numeric_limits<std::size_t>::max();
-  const int own_votes = std::max(1, min_votes / 6);
-  std::vector<std::size_t> sums_of(blocks_.size(), kNone);  // where in `sums` a block's are
-  std::vector<int> sums;                                    // of candidates; 0 elsewhere
-  std::vector<Candidate> candidates;
-  for (const auto& [key, block] : block_of_) {
-    const Block& here = blocks_[block];
-    if (own_votes > 1 && here.shared == 0) continue;
-    for (int row = 0; row < kSide * kSide; ++row) {
-      const std::int32_t* votes_in_row = here.votes.data() + row * kSide;
-      int enough = 0;
-      for (int x = 0; x < kSide; ++x) enough |= static_cast<int>(votes_in_row[x] >= own_votes);
-      if (enough == 0) continue;
-      for (int x = 0; x < kSide; ++x) {
-        if (votes_in_row[x] < own_votes) continue;
-        const VoxelIndex index{key.z * kSide + row / kSide, key.y * kSide + row % kSide, key.x * kSide + x};
-        const int votes = box_votes(index, box_half);
-        if (votes < min_votes) continue;
-        if (sums_of[block] == kNone) {
-          sums_of[block] = sums.size();
-          sums.resize(sums.size() + kVoxels, 0);
-        }
-        sums[sums_of[block] + static_cast<std::size_t>(row * kSide + x)] = votes;
-        candidates.push_back({votes, index});
-      }
-    }
-  }
-  const auto beaten = [&](const Candidate& candidate) {
-    VoxelIndex key = block_key(candidate.index);
-    auto block = block_of_.find(key);
-    for (int i = 0; i < 27; ++i) {
-      const VoxelIndex other{candidate.index.z + i / 9 - 1, candidate.index.y + i / 3 % 3 - 1,
-                             candidate.index.x + i % 3 - 1};
-      if (const VoxelIndex here = block_key(other); here != key) {
-        key = here;
-        block = block_of_.find(key);
-      }
-      if (block == block_of_.end() || sums_of[block->second] == kNone) continue;
-      const int votes = sums[sums_of[block->second] + static_cast<std::size_t>(local_index(other))];
-      if (votes > candidate.votes || (votes == candidate.votes && other < candidate.index)) return true;
-    }
-    return false;
-  };
-  std::erase_if(candidates, beaten);
-  std::sort(candidates.begin(), candidates.end(), [](const Candidate& a, const Candidate& b) {
-    return a.votes != b.votes ? a.votes > b.votes : a.index < b.index;
-  });
-  std::vector<VoxelIndex> result;
-  result.reserve(candidates.size());
-  for (const Candidate& candidate : candidates) result.push_back(candidate.index);
-  return result;
 }
 
 }  // namespace tubetrack

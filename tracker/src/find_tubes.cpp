@@ -150,14 +150,16 @@ std::vector<FoundTube> find_tubes(AccumulationMap& votes, std::span<const Surfel
   std::erase_if(failed, [](const FailedPlace& place) { return place.frames >= 2 * place.rest_frames; });
   int failures = 0;
   std::vector<Seed> refused;
-  const std::vector<VoxelIndex> peaks = votes.peaks(kMinVotes, 1);
+  const std::vector<VoxelIndex>& peaks = votes.peaks(kMinVotes, 1);
   watch.lap(times.trace_ms);
   for (const VoxelIndex& peak : peaks) {
     if (failures >= max_failures || deadline.passed()) break;
-    const Voxel sum = votes.box(peak, 1);
-    if (sum.votes < kMinVotes) continue;
+    const int votes_there = votes.box_votes(peak, 1);
+    if (votes_there < kMinVotes) continue;
     const Eigen::Vector3d center = votes.center_of(peak);
-    if (is_at_rest(failed, center, sum.votes, votes.cell_m()) || axis_of(sum).spread < 0.01) continue;
+    if (is_at_rest(failed, center, votes_there, votes.cell_m())) continue;
+    const Voxel sum = votes.box(peak, 1);
+    if (axis_of(sum).spread < 0.01) continue;
     const double radius_at_peak_m = votes.cell_m() * sum.steps / sum.votes;
     TraceOptions options;
     options.step_m = config.radius_m.value_or(radius_at_peak_m);

@@ -8,8 +8,7 @@ namespace tubetrack {
 
 namespace {
 
-TracePoint point_at(const AccumulationMap& map, const VoxelIndex& index, int box_half) {
-  const Voxel sum = map.box(index, box_half);
+TracePoint point_at(const AccumulationMap& map, const VoxelIndex& index, const Voxel& sum) {
   const double radius = sum.votes > 0 ? map.cell_m() * sum.steps / sum.votes : 0.0;
   return {index, map.center_of(index), sum.votes, radius};
 }
@@ -50,12 +49,13 @@ bool is_inside_tube(int votes, int start_votes, const Eigen::Vector3d& step, con
 std::vector<TracePoint> trace_one_way(const AccumulationMap& map, const VoxelIndex& start, bool in_front,
                                       const TraceOptions& options) {
   std::vector<TracePoint> line;
-  TracePoint current = point_at(map, start, options.box_half);
+  Voxel sum = map.box(start, options.box_half);
+  TracePoint current = point_at(map, start, sum);
   const int start_votes = current.votes;
-  Eigen::Vector3d last = axis_of(map.box(start, options.box_half)).direction * (in_front ? 1.0 : -1.0);
+  Eigen::Vector3d last = axis_of(sum).direction * (in_front ? 1.0 : -1.0);
   Eigen::Vector3d previous_m = current.position_m - last * options.step_m;
   for (int i = 0; i < options.max_steps; ++i) {
-    Eigen::Vector3d direction = axis_of(map.box(current.voxel, options.box_half)).direction;
+    Eigen::Vector3d direction = axis_of(sum).direction;
     if (last.dot(direction) < 0.0) direction = -direction;
     if (!is_inside_tube(current.votes, start_votes, current.position_m - previous_m, direction)) break;
     if (comes_back(line, current.position_m, options.step_m)) break;
@@ -63,7 +63,9 @@ std::vector<TracePoint> trace_one_way(const AccumulationMap& map, const VoxelInd
     const Eigen::Vector3d center_m = current.position_m + direction * options.step_m;
     previous_m = current.position_m;
     last = direction;
-    current = point_at(map, best_on_patch(map, center_m, direction, options), options.box_half);
+    const VoxelIndex next = best_on_patch(map, center_m, direction, options);
+    sum = map.box(next, options.box_half);
+    current = point_at(map, next, sum);
   }
   return line;
 }
@@ -72,7 +74,7 @@ std::vector<TracePoint> trace_both_ways(const AccumulationMap& map, const VoxelI
                                         const TraceOptions& options) {
   std::vector<TracePoint> line = trace_one_way(map, start, false, options);
   std::reverse(line.begin(), line.end());
-  if (line.empty()) line.push_back(point_at(map, start, options.box_half));
+  if (line.empty()) line.push_back(point_at(map, start, map.box(start, options.box_half)));
   const std::vector<TracePoint> front = trace_one_way(map, start, true, options);
   if (front.size() > 1) line.insert(line.end(), front.begin() + 1, front.end());
   return line;

@@ -21,7 +21,7 @@ struct TubeTracker::State {
   HeightMap map;
   SurfelFinder surfels;
   AccumulationMap votes{0.0};
-  std::vector<CastVote> cast;  // what is in `votes`, in cell order
+  CastVotes cast;  // what is in `votes`
   std::vector<FailedPlace> failed;
   KnownTubes known;
   std::optional<Eigen::Isometry3d> world_from_camera;  // of the last frame
@@ -166,7 +166,7 @@ const TubeFrame& TubeTracker::track(const DepthFrame& frame) {
   const double cell_m = s.config.cell_m.value_or(matching_cell_m(surfels, s.map.intrinsics.fx_px));
   if (s.votes.cell_m() != cell_m) {
     s.votes = AccumulationMap(cell_m);
-    s.cast.clear();
+    s.cast.now.clear();
   }
   recast(s.votes, s.cast, surfels);  // algorithm 1
   stage.lap(stages.accumulate_ms);
@@ -174,7 +174,7 @@ const TubeFrame& TubeTracker::track(const DepthFrame& frame) {
   HiddenCells hidden;
   hide_others(s.known.tubes, nullptr, nullptr, s.map, hidden);
   const int max_failures = s.known.first_frame ? kFailuresAtFirst : kFailuresLater;
-  auto found = find_tubes(s.votes, surfels, s.cast, s.map, s.config, max_failures, deadline, s.failed,
+  auto found = find_tubes(s.votes, surfels, s.cast.now, s.map, s.config, max_failures, deadline, s.failed,
                           stages);  // algorithm 2, section 2.3
   stage = {};
   show_again(s.map, hidden);

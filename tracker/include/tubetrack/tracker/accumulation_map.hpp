@@ -2,24 +2,14 @@
 
 #include <Eigen/Core>
 #include <array>
-#include <compare>
 #include <cstddef>
 #include <cstdint>
-#include <deque>
-#include <unordered_map>
 #include <vector>
 
 #include "tubetrack/heightmap/surfel.hpp"
+#include "tubetrack/tracker/block_table.hpp"
 
 namespace tubetrack {
-
-/// Integer coordinates of a voxel; ordered by z, then y, then x, which breaks every tie.
-struct VoxelIndex {
-  int z = 0;
-  int y = 0;
-  int x = 0;
-  auto operator<=>(const VoxelIndex&) const = default;
-};
 
 /// What one surfel voted: enough to withdraw the vote exactly. Lengths in 1/4096 of a voxel.
 struct VoteRecord {
@@ -55,17 +45,20 @@ struct VoxelAxis {
 };
 VoxelAxis axis_of(const Voxel& voxel);
 
-/// Sparse 3D accumulation image (paper, section 2.1 and algorithm 1) in blocks of 8³ voxels.
+/// Sparse 3D accumulation image (paper, section 2.1 and algorithm 1). Few voxels near a surface hold a vote, so a block
+/// of 4³ has a bit for each that does, and their sums stand close together elsewhere.
 class AccumulationMap {
  public:
   explicit AccumulationMap(double cell_m);
 
   double cell_m() const { return cell_m_; }
   /// Blocks that hold a vote; a block without is used again for another place.
-  std::size_t block_count() const { return block_of_.size(); }
+  std::size_t block_count() const { return table_.size(); }
   /// One vote a voxel and record: steps that stay in a voxel count once.
   void add(const VoteRecord& record) { cast(record, 1); }
   void withdraw(const VoteRecord& record) { cast(record, -1); }
+  /// Withdraws everything. Memory is kept.
+  void clear();
 
   /// The voxel, all zero where nothing was voted.
   Voxel at(const VoxelIndex& index) const;
@@ -78,30 +71,53 @@ class AccumulationMap {
 
   /// Voxels with at least `min_votes` in their box and more than any voxel next to them (ties: the lower index wins),
   /// best first. Only voxels that hold a sixth of `min_votes` themselves (rounded down, at least one vote) take part:
-  /// most hold a stray vote or none.
-  std::vector<VoxelIndex> peaks(int min_votes, int box_half) const;
+  /// most hold a stray vote or none. Remembers what it found: asked the same again, it looks only where votes changed.
+  /// Valid until the next call.
+  const std::vector<VoxelIndex>& peaks(int min_votes, int box_half);
 
  private:
-  static constexpr int kSide = 8;
   struct Block {
-    std::array<Voxel, kSide * kSide * kSide> voxels{};
-    std::array<std::int32_t, kSide * kSide * kSide> votes{};  ///< of the voxels, close together for peaks and trace
-    int filled = 0;                                           ///< voxels that are not all 0
-    int shared = 0;                                           ///< voxels with more than one vote
+    VoxelIndex key;
+    std::uint64_t filled = 0;                      ///< a bit for each voxel that is not all 0
+    std::uint64_t shared = 0;                      ///< for each with more than one vote
+    bool changed = false;                          ///< since the last peaks; then it is among `changed_`
+    bool stale = false;                            ///< while they are looked for: it or a block beside it changed
+    std::array<std::uint32_t, 4 * 4 * 4> place{};  ///< where in `voxels_` the filled ones are
   };
-  struct Hash {
-    std::size_t operator()(const VoxelIndex& key) const;
+  struct Peak {
+    int votes = 0;
+    VoxelIndex voxel;
   };
 
   void cast(const VoteRecord& record, int sign);
-  const Block* block_at(const VoxelIndex& key) const;
+  void vote(Block& block, int bit, const Voxel& one);
   Block& take_block(const VoxelIndex& key);
-  void leave_block(const VoxelIndex& key, const Block& block);
+  void leave_if_empty(const Block& block);
+  template <typename Visit>
+  void visit_box(const VoxelIndex& index, int half, const Visit& visit) const;
+
+  void mark_stale(std::int32_t block);
+  void gather_stale(int min_votes, int box_half);
+  void sum_boxes(const Block& block);
+  bool is_beaten(const Block& block, int bit) const;
+  void add_peaks(const Block& block);
 
   double cell_m_;
-  std::unordered_map<VoxelIndex, std::size_t, Hash> block_of_;
-  std::deque<Block> blocks_;  // where it grows, nothing is moved
-  std::vector<std::size_t> free_blocks_;
+  BlockTable table_;
+  std::vector<Block> blocks_;
+  std::vector<std::int32_t> free_blocks_;
+  std::vector<Voxel> voxels_;
+  std::vector<std::int32_t> votes_;  // of the voxels, close together for sums over boxes
+  std::vector<std::uint32_t> free_voxels_;
+
+  // What `peaks` remembers.
+  int min_votes_ = -1;
+  int box_half_ = -1;
+  std::vector<VoxelIndex> changed_;         // keys of blocks that changed since, some of them gone
+  std::vector<std::int32_t> stale_;         // blocks whose peaks are looked for anew
+  std::vector<std::int32_t> box_votes_of_;  // by place in `voxels_`: of those that take part, otherwise 0
+  std::vector<Peak> peaks_;                 // best first
+  std::vector<VoxelIndex> peak_voxels_;
 };
 
 /// The record of a surfel's vote along its inward normal from radius_min_m to radius_max_m. A surfel too far away for

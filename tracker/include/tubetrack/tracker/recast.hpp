@@ -14,8 +14,15 @@ struct CastVote {
   VoteRecord record;
 };
 
-/// Brings the map from the votes in `cast` to those of `surfels` (both in cell order, a cell once): withdraws and casts
-/// only what differs, after which the map equals one made anew from these surfels. `cast` then has a vote a surfel.
-void recast(AccumulationMap& votes, std::vector<CastVote>& cast, std::span<const Surfel> surfels);
+/// What is in an accumulation map, in cell order; and room for what was before, so that no memory is asked for.
+struct CastVotes {
+  std::vector<CastVote> now;
+  std::vector<CastVote> before;
+};
+
+/// Brings the map from the votes in `cast.now` to those of `surfels` (both in cell order, a cell once), after which it
+/// equals one made anew from these surfels. Withdraws and casts what differs, or, where that is more, casts all of them
+/// into the emptied map. `cast.now` then has a vote a surfel.
+void recast(AccumulationMap& votes, CastVotes& cast, std::span<const Surfel> surfels);
 
 }  // namespace tubetrack
