@@ -29,7 +29,8 @@ View view_from(const Vector3d& off_m, double radius_m = kRadius_m) {
   noise.lateral_px = 0.0;
   View view{straight_model(kMiddle + off_m, kAxis, 0.1, radius_m), {}};
   const auto observations = select_observations(map, noise, predict_pixels(map, noise, view.model), 0.02, 4.0);
-  view.equations = normal_equations(view.model, observations, {});
+  const auto sorted = sort_by_stretch(observations, view.model.spline.control_m.size() - 3);
+  view.equations = normal_equations(view.model, sorted, {});
   return view;
 }
 

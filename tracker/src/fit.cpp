@@ -27,9 +27,10 @@ std::optional<FitQuality> fit_tube(TubeModel& model, const std::vector<Observati
   const bool free_radius = !options.radius_m;
   if (options.radius_m) model.radius_m = *options.radius_m;
   if (observations.size() < 20) return std::nullopt;
+  const SortedObservations sorted = sort_by_stretch(observations, model.spline.control_m.size() - 3);
   FitQuality quality;
   for (int step = 0; step < options.gauss_newton_steps; ++step) {
-    NormalEquations eq = normal_equations(model, observations, options);
+    NormalEquations eq = normal_equations(model, sorted, options);
     if (eq.used < 20) return std::nullopt;
     const bool last_step = step + 1 == options.gauss_newton_steps;
     if (last_step) {

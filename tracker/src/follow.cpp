@@ -41,12 +41,9 @@ void predict(FollowedTube& tube, const HeightMap& map, const TrackerConfig& conf
 /// touches. A short piece gives up a tenth at either end.
 std::vector<Observation> observe(const FollowedTube& tube, const HeightMap& map, const TrackerConfig& config,
                                  double gate_m) {
-  auto observations = select_observations(map, config.noise, tube.pixels, gate_m, 4.0);
   const double trim = std::min(kEndTrim, 0.1 * (tube.extent.t_end - tube.extent.t_begin));
-  std::erase_if(observations, [&](const Observation& observation) {
-    return observation.t < tube.extent.t_begin + trim || observation.t > tube.extent.t_end - trim;
-  });
-  return observations;
+  return select_observations(map, config.noise, tube.pixels, gate_m, 4.0,
+                             {tube.extent.t_begin + trim, tube.extent.t_end - trim});
 }
 
 /// The motion from where a model is to where the observations are; empty where they are too few to tell. Here and in
@@ -54,7 +51,8 @@ std::vector<Observation> observe(const FollowedTube& tube, const HeightMap& map,
 std::optional<MotionEstimate> place(const FollowedTube& tube, const HeightMap& map, const TrackerConfig& config,
                                     const TubeModel& model, double gate_radii) {
   const auto observations = observe(tube, map, config, gate_radii * model.radius_m);
-  const NormalEquations eq = normal_equations(model, observations, fit_options(config, tube, nullptr));
+  const auto sorted = sort_by_stretch(observations, model.spline.control_m.size() - 3);
+  const NormalEquations eq = normal_equations(model, sorted, fit_options(config, tube, nullptr));
   if (eq.used < 20) return std::nullopt;
   return estimate_motion(model, eq.observed, eq.observed_right, tube.radius_information);
 }

@@ -136,10 +136,7 @@ std::optional<FoundTube> grow_until_settled(const HeightMap& map, const TrackerC
   for (int round = 0; round < rounds.at_most; ++round) {
     if (found.extent.t_end <= found.extent.t_begin) return std::nullopt;
     const double gate_m = (round == 0 ? 0.2 : 0.1) * found.model.radius_m;
-    auto observations = select_observations(map, config.noise, found.pixels, gate_m, 4.0);
-    std::erase_if(observations, [&](const Observation& observation) {
-      return observation.t < found.extent.t_begin || observation.t > found.extent.t_end;
-    });
+    const auto observations = select_observations(map, config.noise, found.pixels, gate_m, 4.0, found.extent);
     // A short piece can't tell a bend from what lies beside it.
     const double confirmed_m = (found.extent.t_end - found.extent.t_begin) * spacing_m(found.model.spline);
     options.suppleness = confirmed_m < 4.0 * found.model.radius_m ? 0.05 : rounds.suppleness;

@@ -84,8 +84,8 @@ std::optional<FoundTube> join_pieces(const HeightMap& map, const TrackerConfig& 
   const Extent all{1.0 - 1e-9, joined.model.spline.spans() - 1.0 + 1e-9};
   for (const double gate_radii : {0.3, 0.2, 0.1}) {
     const auto pixels = predict_pixels(map, config.noise, joined.model);
-    auto observations = select_observations(map, config.noise, pixels, gate_radii * joined.model.radius_m, 4.0);
-    std::erase_if(observations, [&](const Observation& o) { return o.t < all.t_begin || o.t > all.t_end; });
+    const auto observations =
+        select_observations(map, config.noise, pixels, gate_radii * joined.model.radius_m, 4.0, all);
     auto quality = fit_tube(joined.model, observations, options);
     if (!quality) return std::nullopt;
     joined.quality = std::move(*quality);

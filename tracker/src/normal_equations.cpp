@@ -26,7 +26,7 @@ double mean_spacing_m(const Spline& spline) {
   return sum / static_cast<double>(q.size() - 1);
 }
 
-void add_observations(const TubeModel& model, std::span<const Observation> observations, bool free_radius,
+void add_observations(const TubeModel& model, const SortedObservations& observations, bool free_radius,
                       NormalEquations& eq) {
   const Eigen::Index radius_at = eq.matrix.rows() - 1;
   const std::vector<StretchSums> stretches = sum_stretches(model, observations);
@@ -159,7 +159,7 @@ ResidualTerm residual_on(const std::vector<SpanPolynomial>& curve, double radius
   return term;
 }
 
-NormalEquations normal_equations(const TubeModel& model, std::span<const Observation> observations,
+NormalEquations normal_equations(const TubeModel& model, const SortedObservations& observations,
                                  const FitOptions& options) {
   const bool free_radius = !options.radius_m;
   const auto size = static_cast<Eigen::Index>(3 * model.spline.control_m.size() + 1);

@@ -1,9 +1,9 @@
 #pragma once
 
 #include <Eigen/Core>
-#include <span>
 #include <vector>
 
+#include "stretch_sums.hpp"
 #include "tubetrack/tracker/fit.hpp"
 
 namespace tubetrack {
@@ -20,7 +20,7 @@ struct NormalEquations {
 
 /// Observations, the priors on the centreline's shape and what earlier frames say. With the radius held its row is the
 /// identity's.
-NormalEquations normal_equations(const TubeModel& model, std::span<const Observation> observations,
+NormalEquations normal_equations(const TubeModel& model, const SortedObservations& observations,
                                  const FitOptions& options);
 
 /// `residual_of` with the centreline's polynomials at hand; without the basis.

@@ -180,16 +180,28 @@ Range intersect_all(const HeightMap& map, const std::vector<Outlined>& outlined,
   return touched;
 }
 
-/// Appends what the row met, and makes it ready for the next one.
-void take_pixels(PredictedRow& row, Range touched, std::size_t first_cell, int stride,
-                 std::vector<PredictedPixel>& pixels) {
+/// Writes what the row met to `pixel` and on, makes the row ready for the next one, and returns the end of what it
+/// wrote.
+PredictedPixel* take_pixels(PredictedRow& row, Range touched, std::size_t first_cell, int stride,
+                            PredictedPixel* pixel) {
+  constexpr float kNotMet = std::numeric_limits<float>::infinity();
   for (auto i = static_cast<std::size_t>(touched.begin); i < static_cast<std::size_t>(touched.end); ++i) {
-    if (std::isinf(row.depth_m[i])) continue;
+    const float depth_m = row.depth_m[i];
+    if (depth_m == kNotMet) continue;
     const std::size_t cell = first_cell + i * static_cast<std::size_t>(stride);
-    pixels.push_back({static_cast<std::uint32_t>(cell), row.depth_m[i], row.t[i], row.cos_incidence[i], row.lateral[i],
-                      row.axis_depth_m[i], row.across[i], row.margin_px[i], row.jitter_bias_m[i], row.sigma_m[i]});
-    row.depth_m[i] = std::numeric_limits<float>::infinity();
+    *pixel++ = {static_cast<std::uint32_t>(cell),
+                depth_m,
+                row.t[i],
+                row.cos_incidence[i],
+                row.lateral[i],
+                row.axis_depth_m[i],
+                row.across[i],
+                row.margin_px[i],
+                row.jitter_bias_m[i],
+                row.sigma_m[i]};
+    row.depth_m[i] = kNotMet;
   }
+  return pixel;
 }
 
 }  // namespace
@@ -202,14 +214,18 @@ void predict_pixels(const HeightMap& map, const NoiseModel& noise, const TubeMod
   for (const Outlined& one : outlined) {
     rows = {std::min(rows.begin, one.rows.begin), std::max(rows.end, one.rows.end)};
   }
-  pixels.clear();
   PredictedRow row = make_row(in.width);
+  std::size_t count = 0;
   for (int v = divided_up(rows.begin, stride) * stride; v < rows.end; v += stride) {
     const Range touched = intersect_all(map, outlined, static_cast<float>(model.radius_m), v, stride, row);
     if (touched.begin >= touched.end) continue;
     judge_row(noise, in.fx_px, model.radius_m, touched.begin, touched.end, row);
-    take_pixels(row, touched, map.cell(0, v), stride, pixels);
+    const std::size_t most = count + static_cast<std::size_t>(touched.end - touched.begin);
+    if (pixels.size() < most) pixels.resize(std::max(most, 2 * pixels.size()));
+    PredictedPixel* const end = take_pixels(row, touched, map.cell(0, v), stride, pixels.data() + count);
+    count = static_cast<std::size_t>(end - pixels.data());
   }
+  pixels.resize(count);
 }
 
 std::vector<PredictedPixel> predict_pixels(const HeightMap& map, const NoiseModel& noise, const TubeModel& model,
@@ -221,13 +237,14 @@ std::vector<PredictedPixel> predict_pixels(const HeightMap& map, const NoiseMode
 
 std::vector<Observation> select_observations(const HeightMap& map, const NoiseModel& noise,
                                              const std::vector<PredictedPixel>& predicted, double gate_m,
-                                             double gate_sigmas) {
+                                             double gate_sigmas, const Extent& extent) {
   const float margin_px = 3.0F * static_cast<float>(noise.lateral_px);
   std::vector<Observation> observations;
   observations.reserve(predicted.size());
   for (const PredictedPixel& pixel : predicted) {
     const float measured = map.depth_m[pixel.cell];
     if (measured <= 0.0F || pixel.cos_incidence < kCos75 || pixel.margin_px < margin_px) continue;
+    if (pixel.t < extent.t_begin || pixel.t > extent.t_end) continue;
     const double reading_m = map.at_disparity_levels ? depth_of_level_m(noise, measured) : measured;
     const double depth_m = reading_m - pixel.jitter_bias_m;
     if (std::abs(depth_m - pixel.depth_m) > gate_m + gate_sigmas * pixel.sigma_m) continue;

@@ -30,7 +30,10 @@ CurvePoint curve_at(const Spline& spline, double t) {
 }
 
 Eigen::Vector3d point_at(const Spline& spline, double t) {
-  return curve_at(spline, t).position_m;
+  const SplineBasis basis = basis_at(spline, t);
+  Eigen::Vector3d point_m = Eigen::Vector3d::Zero();
+  for (std::size_t i = 0; i < 4; ++i) point_m += basis.value[i] * spline.control_m[basis.first + i];
+  return point_m;
 }
 
 Eigen::Vector3d derivative_at(const Spline& spline, double t) {

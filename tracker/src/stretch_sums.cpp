@@ -14,18 +14,6 @@
 #define TUBETRACK_STRETCH_BLOCK
 namespace tubetrack {
 
-/// Every sum is of so many partial sums, whatever a vector of this machine holds: the same bytes everywhere.
-constexpr std::size_t kPartials = 8;
-
-/// Observations side by side. Those that only fill up have no weight.
-struct ObservationBlock {
-  using Row = std::array<double, kPartials>;
-  Row x, y, z;  ///< measured point
-  Row direction_x, direction_y, direction_z;
-  Row weight;  ///< 1/σ²
-  Row s;       ///< place on the centreline, in spans from the start of its span
-};
-
 /// A span of the centreline and the tube's radius.
 struct SpanOfTube {
   std::array<double, 3> c0, c1, c2, c3;  ///< place at s: c0 + s (c1 + s (c2 + s c3))
@@ -33,7 +21,8 @@ struct SpanOfTube {
   double radius_m;
 };
 
-/// Partial sums over a stretch, in the order of StretchSums.
+/// Partial sums over a stretch, in the order of StretchSums: always as many, whatever a vector of this machine holds,
+/// so that the bytes are the same everywhere.
 struct PartialSums {
   using Row = std::array<double, kPartials>;
   Row xx, xy, xz, yy, yz, zz;
@@ -193,12 +182,6 @@ SpanOfTube span_of_tube(const SpanPolynomial& polynomial, std::size_t span, doub
   return {numbers(c0), numbers(c1), numbers(c2), numbers(c3), -start, spans - start, radius_m};
 }
 
-/// Blocks stretch by stretch; each stretch starts a block of its own.
-struct Sorted {
-  std::vector<ObservationBlock> blocks;
-  std::vector<std::size_t> first;  ///< of each stretch, and one more
-};
-
 void put(const Observation& observation, double s, double weight, std::size_t lane, ObservationBlock& block) {
   block.x[lane] = observation.point_m.x();
   block.y[lane] = observation.point_m.y();
@@ -210,14 +193,17 @@ void put(const Observation& observation, double s, double weight, std::size_t la
   block.s[lane] = s;
 }
 
-Sorted sort_by_stretch(std::span<const Observation> observations, std::size_t stretches) {
-  const double spans = static_cast<double>(stretches) / kStretchesPerSpan;
+}  // namespace
+
+SortedObservations sort_by_stretch(std::span<const Observation> observations, std::size_t spans) {
+  const std::size_t stretches = spans * kStretchesPerSpan;
+  const auto t_max = static_cast<double>(spans);
   const auto stretch_of = [&](double t) {
     return std::min(static_cast<std::size_t>(std::max(t, 0.0) * kStretchesPerSpan), stretches - 1);
   };
   std::vector<std::size_t> count(stretches, 0);
   for (const Observation& observation : observations) ++count[stretch_of(observation.t)];
-  Sorted sorted;
+  SortedObservations sorted;
   sorted.first.assign(stretches + 1, 0);
   for (std::size_t k = 0; k < stretches; ++k) {
     sorted.first[k + 1] = sorted.first[k] + (count[k] + kPartials - 1) / kPartials;
@@ -228,7 +214,7 @@ Sorted sort_by_stretch(std::span<const Observation> observations, std::size_t st
     const std::size_t k = stretch_of(observation.t);
     const std::size_t n = count[k]++;
     const std::size_t span = k / kStretchesPerSpan;
-    const double s = std::clamp(observation.t, 0.0, spans) - static_cast<double>(span);
+    const double s = std::clamp(observation.t, 0.0, t_max) - static_cast<double>(span);
     ObservationBlock& block = sorted.blocks[sorted.first[k] + n / kPartials];
     put(observation, s, 1.0 / (observation.sigma_m * observation.sigma_m), n % kPartials, block);
     if (n % kPartials != 0) continue;
@@ -237,12 +223,9 @@ Sorted sort_by_stretch(std::span<const Observation> observations, std::size_t st
   return sorted;
 }
 
-}  // namespace
-
-std::vector<StretchSums> sum_stretches(const TubeModel& model, std::span<const Observation> observations) {
+std::vector<StretchSums> sum_stretches(const TubeModel& model, const SortedObservations& sorted) {
   const std::vector<SpanPolynomial> curve = polynomials_of(model.spline);
   const std::size_t stretches = curve.size() * kStretchesPerSpan;
-  const Sorted sorted = sort_by_stretch(observations, stretches);
   std::vector<StretchSums> sums(stretches);
   for (std::size_t k = 0; k < stretches; ++k) {
     const std::size_t count = sorted.first[k + 1] - sorted.first[k];

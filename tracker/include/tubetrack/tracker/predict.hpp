@@ -1,5 +1,7 @@
 #pragma once
 
+#include <cstdint>
+#include <limits>
 #include <vector>
 
 #include "tubetrack/heightmap/height_map.hpp"
@@ -9,6 +11,13 @@ namespace tubetrack {
 
 /// Pixels that see the surface at a smaller cosine of incidence, beyond 75°, are neither fitted nor judged by.
 inline constexpr float kCos75 = 0.2588F;
+
+/// A stretch of the centreline, in spans.
+struct Extent {
+  double t_begin = 0.0;
+  double t_end = 0.0;
+};
+inline constexpr Extent kWholeTube{-std::numeric_limits<double>::infinity(), std::numeric_limits<double>::infinity()};
 
 /// Where one pixel's ray meets the model.
 struct PredictedPixel {
@@ -34,9 +43,9 @@ void predict_pixels(const HeightMap& map, const NoiseModel& noise, const TubeMod
 
 /// The pixels to fit: predicted incidence below 75° and so far inside the silhouette that the lateral jitter doesn't
 /// reach it (chosen by prediction, never by residual beyond the gate that keeps other surfaces out), reading within
-/// gate_m + gate_sigmas·σ of the prediction. The jitter's bias is taken off.
+/// gate_m + gate_sigmas·σ of the prediction. The jitter's bias is taken off. Only those predicted inside `extent`.
 std::vector<Observation> select_observations(const HeightMap& map, const NoiseModel& noise,
                                              const std::vector<PredictedPixel>& predicted, double gate_m,
-                                             double gate_sigmas);
+                                             double gate_sigmas, const Extent& extent = kWholeTube);
 
 }  // namespace tubetrack

@@ -36,10 +36,6 @@ std::vector<Station> stations_of(const HeightMap& map, const TubeModel& model,
 /// The stretch of the centreline that is seen: from the first to the last seen station of the run with the most of
 /// them. Runs are joined across gaps that nothing refutes and that are shorter than `max_gap_m`. Empty (begin = end)
 /// where none is seen.
-struct Extent {
-  double t_begin = 0.0;
-  double t_end = 0.0;
-};
 Extent seen_extent(const std::vector<Station>& stations, double station_m, double max_gap_m);
 
 }  // namespace tubetrack
