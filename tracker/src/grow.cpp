@@ -200,7 +200,8 @@ std::optional<FoundTube> grow_held(const HeightMap& map, TrackerConfig config, T
   auto found = grow_from(map, config, start, line_m);
   if (found) {
     found->held_radius_m = radius_m;
-    found->quality.radius_sigma_m = radius_m / found->evidence.width_px;  // half a pixel
+    // A twentieth of a pixel: two edges over tens of rows. What they err alike is NoiseModel::radius_relative.
+    found->quality.radius_sigma_m = 0.1 * radius_m / found->evidence.width_px;
   }
   return found;
 }
