@@ -12,6 +12,9 @@ namespace tubetrack {
 namespace {
 
 constexpr double kCornerCut = 0.01;  // of the spline's third difference
+// Of a tube out of sight, one σ: how fast one at rest may creep, and by how much one in motion may change its speed.
+constexpr double kUnseenCreep_m_s = 0.001;
+constexpr double kUnseenAcceleration_m_s2 = 1.0;
 
 /// The larger σ across a line of this direction.
 double sigma_across_m(const Eigen::Matrix3d& covariance_m2, const Eigen::Vector3d& along) {
@@ -82,6 +85,17 @@ void add_parts(Tube& tube) {
   CenterlineParts parts = cut_into_parts(fitted_centerline(tube));
   tube.segments = std::move(parts.segments);
   tube.bend_table = parts.fitted ? bend_table_of(*parts.fitted) : BendTable{};
+}
+
+void add_unseen_motion(Tube& tube, const FollowedTube& followed, double timestamp_s) {
+  if (followed.state == TubeState::tracked) return;
+  const double unseen_s = std::max(0.0, timestamp_s - followed.last_seen_s);
+  const double sigma_m =
+      followed.at_rest ? kUnseenCreep_m_s * unseen_s : 0.5 * kUnseenAcceleration_m_s2 * unseen_s * unseen_s;
+  for (std::size_t i = 0; i < tube.sigma_m.size(); ++i) {
+    tube.node_covariance_m2[i].diagonal().array() += sigma_m * sigma_m;
+    tube.sigma_m[i] = std::hypot(tube.sigma_m[i], sigma_m);
+  }
 }
 
 void add_common_error(Tube& tube, double radius_relative) {

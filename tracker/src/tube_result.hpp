@@ -14,6 +14,10 @@ void add_uncertainty(const Spline& spline, const Eigen::MatrixXd& covariance, do
 /// Fills in `segments` and `bend_table` from the centreline (paper, section 3).
 void add_parts(Tube& tube);
 
+/// Adds to the uncertainty of a tube out of sight what it may have moved by since, in any direction: while hidden it is
+/// predicted, not seen.
+void add_unseen_motion(Tube& tube, const FollowedTube& followed, double timestamp_s);
+
 /// Adds to the uncertainty what is common to all of a tube and to every frame (NoiseModel::radius_relative): its
 /// surface is seen, so an axis is as much too far as the radius is too large. After `add_parts`, as bends don't feel
 /// it; in the camera frame.

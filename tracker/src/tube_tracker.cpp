@@ -139,6 +139,7 @@ void TubeTracker::report_known() {
     Stopwatch parts;
     add_parts(s.result.tubes.back());  // section 3
     parts.lap(s.result.stages.segment_ms);
+    add_unseen_motion(s.result.tubes.back(), tube, s.result.timestamp_s);
     if (!s.config.radius_m) add_common_error(s.result.tubes.back(), s.config.noise.radius_relative);
     if (s.world_from_camera) move_to_world(s.result.tubes.back(), *s.world_from_camera);
   }
