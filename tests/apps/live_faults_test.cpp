@@ -85,7 +85,8 @@ TEST_F(LiveFaults, WhatIsKeptOverALossHasItsIdAfterwards) {
 TEST_F(LiveFaults, TheSummaryAndTheStatusLineTellLatencyJitterAndDrops) {
   play_on_its_own("0.3", "2 drop 2\n");
   ASSERT_EQ(run({"live", "--frames", "0:8", "--status-every", "0.2", "--out", lines()}), 0) << errors();
-  EXPECT_THAT(errors(), HasSubstr(" (2 by the device)"));
+  EXPECT_THAT(errors(), HasSubstr(" by the device)"));
+  EXPECT_GE(read_lines(lines()).back()["dropped"], 2);
   EXPECT_THAT(errors(), HasSubstr("  to result "));
   EXPECT_THAT(errors(), HasSubstr("  jitter "));
   EXPECT_THAT(errors(), HasSubstr("status: 0."));
@@ -152,7 +153,8 @@ TEST_F(LiveFaults, AnOniIsRecordedReadBackAndReplayedAndAKilledOneIsRefusedInOne
   record_and_kill(killed, killed, 0);
   EXPECT_EQ(run({"replay", killed, "--quiet"}), 1);
   EXPECT_THAT(errors(), HasSubstr("killed.oni: can't be read as .oni: it is "));
-  EXPECT_EQ(std::count(errors().begin(), errors().end(), '\n'), 1);
+  const std::string said = errors();
+  EXPECT_EQ(std::count(said.begin(), said.end(), '\n'), 1) << said;
 }
 
 TEST_F(LiveFaults, ADamagedOniDoesNotHangTheProgram) {
