@@ -11,7 +11,7 @@ namespace tubetrack {
 
 namespace {
 
-constexpr unsigned kPatience_s = 5;
+constexpr unsigned kPatience_s = 3;
 constexpr std::string_view kHung =
     "tubetrack: the device's driver does not let go; ended all the same, what was written is whole\n";
 

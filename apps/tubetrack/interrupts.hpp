@@ -6,7 +6,7 @@ namespace tubetrack {
 void catch_interrupts();
 bool interrupted();
 
-/// A program with a live device that has not ended 5 s after Ctrl-C, as a driver doesn't let go, is ended then with
+/// A program with a live device that has not ended 3 s after Ctrl-C, as a driver doesn't let go, is ended then with
 /// exit code 1: everything written is whole.
 void hurry_when_interrupted();
 /// The device is closed: what is left to do may take its time.
