@@ -11,16 +11,17 @@ namespace tubetrack {
 
 namespace {
 
-constexpr unsigned kPatience_s = 5;
+constexpr unsigned kPatience_s = 3;
 constexpr std::string_view kHung =
     "tubetrack: the device's driver does not let go; ended all the same, what was written is whole\n";
 
 std::atomic<bool> g_interrupted{false};
+std::atomic<bool> g_hurry{false};
 static_assert(std::atomic<bool>::is_always_lock_free, "set from a signal handler");
 
 void on_interrupt(int) {
   g_interrupted = true;
-  alarm(kPatience_s);
+  if (g_hurry) alarm(kPatience_s);
 }
 
 void on_alarm(int) {
@@ -45,7 +46,12 @@ bool interrupted() {
   return g_interrupted;
 }
 
+void hurry_when_interrupted() {
+  g_hurry = true;
+}
+
 void no_hurry() {
+  g_hurry = false;
   alarm(0);
 }
 

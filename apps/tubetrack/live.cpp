@@ -100,6 +100,7 @@ Expected<int> live(const LiveOptions& options) {
     recorder = std::move(*created);
     run.on_frame = [&recorder](const DepthFrame& frame) { return recorder->write(frame); };
   }
+  hurry_when_interrupted();
   return run_tracker(**source, *tracker, run);
 }
 

@@ -60,8 +60,8 @@ Expected<std::string> OniCheck::read_back() const {
   std::size_t written = 0;
   int piece = 0;
   for (const auto& hashes : seen_) {
-    if (hashes.empty()) continue;  // lost again before its first frame
     ++piece;
+    if (hashes.empty()) continue;  // lost again before its first frame, or never back
     const auto path = piece == 1 ? path_
                                  : path_.parent_path() /
                                        fmt::format("{}-{}{}", path_.stem().string(), piece, path_.extension().string());

@@ -101,6 +101,7 @@ Expected<void> record(const RecordOptions& options) {
   if (!target) return tl::make_unexpected(target.error());
   if (!options.quiet) fmt::print(stderr, "note: {}\n", device_note((*source)->info(), flags));
   catch_interrupts();
+  hurry_when_interrupted();
   Counts counts;
   auto recorded = record_frames(**source, *target, options.quiet, counts);
   const std::int64_t dropped = (*source)->dropped();

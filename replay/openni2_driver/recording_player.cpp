@@ -156,7 +156,8 @@ std::int64_t RecordingPlayer::play_once(FrameSource& source, const std::stop_tok
     ++played_;
     next_index_ = frame.index + 1;
     if (!send) continue;
-    frame.timestamp_s += turn.time_shift_s;
+    frame.timestamp_s += turn.time_shift_s + zero_shift_s_;
+    if (frame.timestamp_s < 0.0) zero_shift_s_ -= std::exchange(frame.timestamp_s, 0.0);
     callbacks_.on_frame(frame, turn.cut);
     ++sent_;
   }

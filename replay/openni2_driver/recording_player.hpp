@@ -86,6 +86,7 @@ class RecordingPlayer {
   PlayerCallbacks callbacks_;
   Clock::time_point started_;
   double first_timestamp_s_ = 0.0;
+  double zero_shift_s_ = 0.0;       ///< a clock that was set back beyond 0 begins with 0
   double offset_s_ = 0.0;           ///< added to the recording's timestamps in this round
   Clock::time_point silent_until_;  ///< what was due before is lost
   bool unplugged_ = false;

@@ -1,6 +1,7 @@
 #include "tubetrack/sensors/libcamera_source.hpp"
 
 #include <fmt/format.h>
+#include <sys/stat.h>
 
 #include <condition_variable>
 #include <deque>
@@ -38,6 +39,7 @@ class LibcameraSource final : public FrameSource {
 
  private:
   Expected<void> take_camera(const std::string& id);
+  void wait_for_sign_of_life();
   Expected<void> allocate();
   Expected<void> stream();
   FrameOutcome hand_over(libcamera::Request& request, DepthFrame& frame);
@@ -73,7 +75,10 @@ class LibcameraSource final : public FrameSource {
 
 LibcameraSource::~LibcameraSource() {
   if (!camera_) return;
-  if (started_) camera_->stop();
+  if (started_) {
+    wait_for_sign_of_life();
+    camera_->stop();
+  }
   camera_->requestCompleted.disconnect(this);
   camera_->disconnected.disconnect(this);
   requests_.clear();
@@ -83,6 +88,14 @@ LibcameraSource::~LibcameraSource() {
   configuration_.reset();
   if (acquired_) camera_->release();
   camera_.reset();
+}
+
+/// Stopping a camera that was unplugged, and has not said so yet, ends the program inside libcamera: so first a frame
+/// that is newer than now, or its word; neither comes of a camera that stalls.
+void LibcameraSource::wait_for_sign_of_life() {
+  std::unique_lock lock(mutex_);
+  completed_.clear();
+  changed_.wait_for(lock, std::chrono::seconds{1}, [this] { return disconnected_ || !completed_.empty(); });
 }
 
 Expected<void> LibcameraSource::start(const std::string& id, const LibcameraOptions& options) {
@@ -219,6 +232,15 @@ FrameOutcome LibcameraSource::hand_over(libcamera::Request& request, DepthFrame&
   return FrameOutcome::ok;
 }
 
+/// A manager that starts while a camera is being plugged in may see it twice, and then ends the program.
+bool devices_are_changing() {
+  struct stat devices = {};
+  if (stat("/dev", &devices) != 0) return false;
+  const auto changed = std::chrono::seconds(devices.st_mtim.tv_sec) + std::chrono::nanoseconds(devices.st_mtim.tv_nsec);
+  const auto ago = std::chrono::system_clock::now().time_since_epoch() - changed;
+  return ago >= milliseconds{0} && ago < milliseconds{500};
+}
+
 }  // namespace
 
 Expected<std::unique_ptr<FrameSource>> open_libcamera(const std::string& id, const LibcameraOptions& options) {
@@ -235,7 +257,10 @@ Expected<std::unique_ptr<FrameSource>> open_libcamera_reconnecting(const std::st
   auto first = open_libcamera(id, options);
   if (!first) return first;
   const std::string name = (*first)->info().name;
-  auto reopen = [name, options] { return open_libcamera(name.substr(name.find(':') + 1), options); };
+  auto reopen = [name, options]() -> Expected<std::unique_ptr<FrameSource>> {
+    if (devices_are_changing()) return failed("libcamera: a device is just being plugged in");
+    return open_libcamera(name.substr(name.find(':') + 1), options);
+  };
   return reconnecting(std::move(*first), std::move(reopen), reconnect);
 }
 

@@ -3,9 +3,11 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <cmath>
+#include <system_error>
+#include <thread>
 #include <utility>
 
+#include "oni_structure.hpp"
 #include "openni2_runtime.hpp"
 #include "pixel_pool.hpp"
 #include "stream_clock.hpp"
@@ -26,11 +28,12 @@ class OpenNi2Source final : public FrameSource {
   }
 
   ~OpenNi2Source() override {
+    stream_.stop();
     if (recorder_.isValid()) {
+      wait_for_recorder();
       recorder_.stop();
       recorder_.destroy();
     }
-    stream_.stop();
     stream_.destroy();
     device_.close();
   }
@@ -44,6 +47,7 @@ class OpenNi2Source final : public FrameSource {
 
  private:
   Expected<void> start_recording(const std::filesystem::path& path);
+  void wait_for_recorder() const;
   FrameOutcome hand_over(const openni::VideoFrameRef& device_frame, DepthFrame& frame);
   FrameOutcome refuse(FrameOutcome outcome, std::string problem) {
     problem_ = std::move(problem);
@@ -56,6 +60,8 @@ class OpenNi2Source final : public FrameSource {
   openni::VideoStream stream_;
   openni::Recorder recorder_;
   StreamInfo info_;
+  std::filesystem::path recording_;
+  std::int64_t seen_ = 0;
   bool mirrored_ = false;
   std::shared_ptr<PixelPool> pool_;
   std::string problem_;
@@ -102,7 +108,25 @@ Expected<void> OpenNi2Source::start_recording(const std::filesystem::path& path)
         fmt::format("{}: can't be recorded to: {}; give a file in a folder that can be written, ending in .oni",
                     path.string(), openni2_says()));
   }
+  recording_ = path;
+  // It begins on a thread of its own, and what comes before is lost.
+  for (int i = 0; i < 200 && !oni_takes_frames(path); ++i) std::this_thread::sleep_for(milliseconds{10});
   return {};
+}
+
+/// The runtime's recorder writes on a thread of its own, and stopping it throws away what that has not come to. It has
+/// at least what we have seen; one that writes nothing for a second is not waited for.
+void OpenNi2Source::wait_for_recorder() const {
+  constexpr milliseconds kLook{50};
+  std::uintmax_t last_bytes = 0;
+  for (milliseconds quiet{0}; quiet < milliseconds{1000}; quiet += kLook) {
+    std::error_code ignored;
+    const std::uintmax_t bytes = std::filesystem::file_size(recording_, ignored);
+    if (bytes == last_bytes && oni_frames_so_far(recording_) >= seen_) return;
+    if (bytes != last_bytes) quiet = milliseconds{0};
+    last_bytes = bytes;
+    std::this_thread::sleep_for(kLook);
+  }
 }
 
 FrameOutcome OpenNi2Source::next(DepthFrame& frame, milliseconds patience) {
@@ -141,6 +165,7 @@ FrameOutcome OpenNi2Source::hand_over(const openni::VideoFrameRef& device_frame,
     *first_index_ += index - last_index_ - 1;  // the device counts anew: ours goes on
   }
   last_index_ = index;
+  ++seen_;
   frame = DepthFrame{};
   frame.received = steady_clock::now();
   frame.index = static_cast<std::int64_t>(index) - *first_index_;

@@ -62,7 +62,7 @@ TEST_F(LiveFaults, AfterALossTheStreamGoesOnAndNoIdIsUsedTwice) {
   EXPECT_THAT(errors(), HasSubstr(", lost 2 times for "));
   std::set<std::int64_t> ids;
   std::int64_t last_frame = -1;
-  double last_s = 0.0;
+  double last_s = -1.0;
   for (const json& line : read_lines(lines())) {
     EXPECT_GT(line["frame"], last_frame);
     EXPECT_GT(line["timestamp_s"], last_s);
@@ -85,7 +85,8 @@ TEST_F(LiveFaults, WhatIsKeptOverALossHasItsIdAfterwards) {
 TEST_F(LiveFaults, TheSummaryAndTheStatusLineTellLatencyJitterAndDrops) {
   play_on_its_own("0.3", "2 drop 2\n");
   ASSERT_EQ(run({"live", "--frames", "0:8", "--status-every", "0.2", "--out", lines()}), 0) << errors();
-  EXPECT_THAT(errors(), HasSubstr(" (2 by the device)"));
+  EXPECT_THAT(errors(), HasSubstr(" by the device)"));
+  EXPECT_GE(read_lines(lines()).back()["dropped"], 2);
   EXPECT_THAT(errors(), HasSubstr("  to result "));
   EXPECT_THAT(errors(), HasSubstr("  jitter "));
   EXPECT_THAT(errors(), HasSubstr("status: 0."));
@@ -113,7 +114,7 @@ TEST_F(LiveFaults, CtrlCEndsARunWhoseDriverDoesNotLetGo) {
 }
 
 TEST_F(LiveFaults, LiveGivesTheTubesOfARealtimeReplay) {
-  const fs::path slow = slowed(1.2);
+  const fs::path slow = slowed(0.8);
   setenv("TUBETRACK_VIRTUAL_DEVICE", slow.c_str(), 1);
   unsetenv("TUBETRACK_VIRTUAL_LOCKSTEP");
   const fs::path replayed = folder_ / "replayed.jsonl";
@@ -152,14 +153,15 @@ TEST_F(LiveFaults, AnOniIsRecordedReadBackAndReplayedAndAKilledOneIsRefusedInOne
   record_and_kill(killed, killed, 0);
   EXPECT_EQ(run({"replay", killed, "--quiet"}), 1);
   EXPECT_THAT(errors(), HasSubstr("killed.oni: can't be read as .oni: it is "));
-  EXPECT_EQ(std::count(errors().begin(), errors().end(), '\n'), 1);
+  const std::string said = errors();
+  EXPECT_EQ(std::count(said.begin(), said.end(), '\n'), 1) << said;
 }
 
 TEST_F(LiveFaults, ADamagedOniDoesNotHangTheProgram) {
   const fs::path path = record_oni();
   const std::string whole = read_file(path);
   const std::size_t size = whole.find_last_not_of('\0');
-  for (int i = 1; i <= 6; ++i) {
+  for (const int i : {1, 3, 6}) {
     std::string bytes = whole;
     const std::size_t at = size * static_cast<std::size_t>(i) / 7;
     for (std::size_t k = at; k < at + 40; ++k) bytes[k] = static_cast<char>(~bytes[k]);

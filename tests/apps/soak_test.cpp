@@ -2,6 +2,7 @@
 // TUBETRACK_SOAK_S: how long, in seconds; scripts/long takes 2880, eight hours of a device's time. Prints its figures.
 #include <gmock/gmock.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstdio>
 #include <random>
@@ -20,7 +21,7 @@ constexpr double kSpeed = 10.0;
 
 double soak_s() {
   const char* text = std::getenv("TUBETRACK_SOAK_S");
-  return text == nullptr ? 12.0 : std::atof(text);
+  return text == nullptr ? 6.0 : std::atof(text);
 }
 
 /// Resident memory in MB; 0 where the process is gone.
@@ -114,9 +115,14 @@ class Soak : public test::LiveTest {
   }
 };
 
+std::int64_t count_faults(const std::string& script) {
+  return std::count(script.begin(), script.end(), '\n');
+}
+
 TEST_F(Soak, NothingGrowsNothingHangsAndEveryFrameIsThereOrCounted) {
   const fs::path scene = small_scene();
-  play_on_its_own(std::to_string(kSpeed), random_faults(soak_s()));
+  const std::string faults = random_faults(soak_s());
+  play_on_its_own(std::to_string(kSpeed), faults);
   setenv("TUBETRACK_VIRTUAL_DEVICE", scene.c_str(), 1);
   const pid_t pid = start({"live", "--silence", "2", "--no-timing", "--status-every", "60", "--out", lines()}, folder_);
   double early_mb = 0.0;
@@ -149,9 +155,11 @@ TEST_F(Soak, NothingGrowsNothingHangsAndEveryFrameIsThereOrCounted) {
   EXPECT_LE(late_files, early_files + 1);
   EXPECT_LE(late_threads, early_threads + 1);
   std::int64_t frames = 0;
+  std::int64_t corrupt = 0;
   json last;
   std::ifstream in(lines());
   for (std::string line; std::getline(in, line); ++frames) {
+    corrupt += line.find(R"("status":"corrupt")") != std::string::npos ? 1 : 0;
     if (in.peek() == std::ifstream::traits_type::eof()) last = json::parse(line);
   }
   ASSERT_GT(frames, 0);
@@ -159,6 +167,7 @@ TEST_F(Soak, NothingGrowsNothingHangsAndEveryFrameIsThereOrCounted) {
   // Frames newer than the last line may be dropped, and counted, before it is written.
   EXPECT_LE(uncounted, 0);
   EXPECT_GE(uncounted, -30);
+  EXPECT_LE(corrupt, 3 * count_faults(faults)) << "a fault spoils three frames at the most";
   const std::string said = errors();
   const std::size_t totals = said.rfind("\nframes ");
   std::printf(

@@ -8,6 +8,7 @@
 #include <cstdio>
 #include <cstring>
 #include <ctime>
+#include <utility>
 
 #include "sensors/fake_kernel.hpp"
 
@@ -19,6 +20,10 @@ int bits_of(std::uint32_t format) {
   if (format == V4L2_PIX_FMT_GREY) return 8;
   if (format == V4L2_PIX_FMT_Y10) return 10;
   return format == V4L2_PIX_FMT_Y12 ? 12 : 16;
+}
+
+bool is(int every, std::uint32_t n) {
+  return every > 0 && (n + 1) % static_cast<unsigned>(every) == 0;
 }
 
 }  // namespace
@@ -49,33 +54,32 @@ void FakeKernel::fill(v4l2_buffer& buffer, std::uint32_t sequence) {
   buffer.timestamp.tv_usec = now.tv_nsec / 1000;
 }
 
-/// With mutex_ held.
-void FakeKernel::deliver(const v4l2_buffer& buffer) {
+/// With mutex_ held, and a buffer queued.
+void FakeKernel::send_next(std::uint32_t sequence) {
+  v4l2_buffer buffer = queued_.front();
+  queued_.pop_front();
+  fill(buffer, sequence);
+  if (is(settings_.broken_every, sequence)) buffer.flags |= V4L2_BUF_FLAG_ERROR;
+  if (is(settings_.short_every, sequence)) buffer.bytesused /= 2;
   done_.push_back(buffer);
   const std::uint64_t one = 1;
   if (write(video_, &one, sizeof one) < 0) std::perror("fake frame");
 }
 
 void FakeKernel::stream() {
-  const auto is = [](int every, std::uint32_t n) { return every > 0 && (n + 1) % static_cast<unsigned>(every) == 0; };
-  std::optional<v4l2_buffer> held_back;
+  std::optional<std::uint32_t> late;
   auto next = std::chrono::steady_clock::now();
   for (std::uint32_t sequence = 0; streaming_; ++sequence) {
     next += std::chrono::microseconds(1000000 / settings_.frames_per_second);
     std::this_thread::sleep_until(next);
     const std::lock_guard lock(mutex_);
     if (queued_.empty() || is(settings_.drop_every, sequence)) continue;
-    v4l2_buffer buffer = queued_.front();
-    queued_.pop_front();
-    fill(buffer, sequence);
-    if (is(settings_.broken_every, sequence)) buffer.flags |= V4L2_BUF_FLAG_ERROR;
-    if (is(settings_.short_every, sequence)) buffer.bytesused /= 2;
-    if (is(settings_.hold_back_every, sequence)) {
-      held_back = buffer;
+    if (is(settings_.late_every, sequence)) {
+      late = sequence;
       continue;
     }
-    deliver(buffer);
-    if (held_back) deliver(*std::exchange(held_back, std::nullopt));
+    send_next(sequence);
+    if (late && !queued_.empty()) send_next(*std::exchange(late, std::nullopt));
   }
 }
 

@@ -14,10 +14,10 @@ struct FakeCameraSettings {
   int height = 48;
   int stride_bytes = 0;  ///< 0: dense
   int frames_per_second = 100;
-  int broken_every = 0;     ///< each so manieth frame carries the kernel's error flag
-  int drop_every = 0;       ///< … is never delivered
-  int short_every = 0;      ///< … has half of its bytes
-  int hold_back_every = 0;  ///< … arrives after the one that follows it
+  int broken_every = 0;  ///< each so many-th frame carries the kernel's error flag
+  int drop_every = 0;    ///< … is never delivered
+  int short_every = 0;   ///< … has half of its bytes
+  int late_every = 0;    ///< … arrives after the one that follows it
 };
 
 void set_up_fake_camera(const FakeCameraSettings& settings);

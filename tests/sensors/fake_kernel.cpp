@@ -54,6 +54,11 @@ std::optional<std::pair<std::string, bool>> FakeKernel::next_event() {
   return event;
 }
 
+void FakeKernel::forget_events() {
+  while (next_event()) {
+  }
+}
+
 void FakeKernel::tell(std::initializer_list<std::pair<std::string, bool>> events) {
   {
     const std::lock_guard lock(mutex_);

@@ -54,6 +54,8 @@ class FakeKernel {
   std::optional<int> open_device(const char* path);
   /// An event for udev: what happened, and whether to the video device (else the media device).
   std::optional<std::pair<std::string, bool>> next_event();
+  /// A new monitor hears only what happens from then on.
+  void forget_events();
 
   int video_ioctl(unsigned long request, void* argument);
   int media_ioctl(unsigned long request, void* argument);
@@ -69,7 +71,7 @@ class FakeKernel {
   void stream();
   void stop_stream();
   void fill(v4l2_buffer& buffer, std::uint32_t sequence);
-  void deliver(const v4l2_buffer& buffer);
+  void send_next(std::uint32_t sequence);
 
   FakeCameraSettings settings_;
   std::uint32_t format_ = V4L2_PIX_FMT_Y12;

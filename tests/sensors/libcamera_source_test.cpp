@@ -174,7 +174,7 @@ TEST(LibcameraSource, BrokenShortAndLostFramesAreToldApartAndEveryOneIsCounted) 
 TEST(LibcameraSource, WhatArrivesAfterALaterFrameIsLeftOutAndCounted) {
   FakeCameraSettings settings;
   settings.formats = {V4L2_PIX_FMT_Y12};
-  settings.hold_back_every = 4;
+  settings.late_every = 4;
   const auto source = open(settings);
   ASSERT_TRUE(source);
   DepthFrame frame;
