@@ -1,20 +1,14 @@
 #include <fmt/format.h>
 
-#include <cerrno>
 #include <chrono>
-#include <cstring>
-#include <fstream>
 #include <memory>
-#include <tuple>
 
 #include "commands.hpp"
 #include "flag_values.hpp"
 #include "run.hpp"
+#include "scan_outputs.hpp"
 #include "tubetrack/replay/scan_surfels.hpp"
 #include "tubetrack/report/result_json.hpp"
-#include "tubetrack/report/scan_picture.hpp"
-#include "tubetrack/report/surface_mesh.hpp"
-#include "tubetrack/report/tube_tables.hpp"
 #include "tubetrack/tracker/scan_tubes.hpp"
 
 namespace tubetrack {
@@ -41,7 +35,8 @@ Exit codes: 0 done; 1 unreadable, or no tube in it; 2 wrong usage. docs/scans.md
 struct ScanFlags {
   std::string file;
   std::string unit, grid_step, radius, radius_range, label, threshold, cell_size, height_scale;
-  std::string out, centerline, xyz, lra, vtk, mesh, error_map, picture;
+  std::string out;
+  ScanOutputs outputs;
   bool no_timing = false, quiet = false;
 };
 
@@ -145,70 +140,10 @@ void print_tubes(const TubeFrame& frame) {
   fmt::print(stderr, "{} tube(s) in {:.2f} s\n", frame.tubes.size(), 1e-3 * frame.latency_ms);
 }
 
-Expected<void> write_text(std::string_view flag, const std::string& path, const std::string& text) {
-  std::ofstream file(path);
-  if (!file) {
-    return tl::make_unexpected(
-        Error::usage(fmt::format("{} {}: {}; give a file in an existing folder", flag, path, std::strerror(errno))));
-  }
-  file << text << std::flush;
-  if (!file) return tl::make_unexpected(Error::failed(fmt::format("{} {}: {}", flag, path, std::strerror(errno))));
-  return {};
-}
-
 Expected<void> write_line(const std::string& line, const std::string& path) {
-  if (!path.empty()) return write_text("--out", path, line + "\n");
+  if (!path.empty()) return write_text_file("--out", path, line + "\n");
   fmt::print("{}\n", line);
   return {};
-}
-
-/// The input as it is drawn and compared: a mesh's own faces, else the surfels' places.
-SurfaceMesh surface_of_scan(const Scan& scan, std::span<const Surfel> surfels) {
-  SurfaceMesh mesh;
-  if (scan.kind == ScanKind::mesh) {
-    mesh.points_m = scan.points_m;
-    mesh.faces = scan.faces;
-  } else {
-    for (const Surfel& surfel : surfels) mesh.points_m.emplace_back(surfel.position_m.cast<double>());
-  }
-  for (Eigen::Vector3d& point : mesh.points_m) point += scan.origin_m;
-  return mesh;
-}
-
-Expected<void> write_tables(const ScanFlags& flags, std::span<const Tube> tubes) {
-  using Table = std::string (*)(std::span<const Tube>);
-  const std::tuple<const char*, const std::string*, Table> tables[] = {
-      {"--centerline", &flags.centerline, centerline_csv},
-      {"--xyz", &flags.xyz, xyz_csv},
-      {"--lra", &flags.lra, lra_csv},
-      {"--vtk", &flags.vtk, vtk_polydata}};
-  for (const auto& [flag, path, table] : tables) {
-    if (path->empty()) continue;
-    if (auto written = write_text(flag, *path, table(tubes)); !written) return written;
-  }
-  return {};
-}
-
-/// The tubes' surface, the input coloured by its distance to it, and a picture of both.
-Expected<void> write_surfaces(const ScanFlags& flags, const Scan& scan, std::span<const Surfel> surfels,
-                              std::span<const Tube> tubes) {
-  if (flags.mesh.empty() && flags.error_map.empty() && flags.picture.empty()) return {};
-  SurfaceMesh surfaces[2];
-  surfaces[0] = surface_of_scan(scan, surfels);
-  for (const Tube& tube : tubes) append(surfaces[1], surface_of(tube));
-  if (!flags.mesh.empty()) {
-    if (auto written = write_mesh(flags.mesh, surfaces[1]); !written) return written;
-  }
-  const SurfaceErrors errors = color_by_distance(surfaces[0], tubes);
-  if (!flags.error_map.empty()) {
-    if (auto written = write_mesh(flags.error_map, surfaces[0]); !written) return written;
-    fmt::print(stderr, "distance of {} points from the tubes: min {:.4f}, median {:.4f}, 95 % {:.4f}, max {:.4f} mm",
-               errors.on_tubes, 1e3 * errors.min_m, 1e3 * errors.median_m, 1e3 * errors.percentile_95_m,
-               1e3 * errors.max_m);
-    fmt::print(stderr, "; {} points belong to no tube\n", errors.off_tubes);
-  }
-  if (flags.picture.empty()) return {};
-  return write_scan_picture(flags.picture, surfaces);
 }
 
 /// Back from where read_scan moved a georeferenced scan to.
@@ -255,8 +190,7 @@ Expected<void> run_scan(const ScanFlags& flags) {
                     config.radius_m.value_or(config.radius_min_m), config.radius_m.value_or(config.radius_max_m))));
   }
   if (!flags.quiet) print_tubes(frame);
-  if (auto written = write_tables(flags, frame.tubes); !written) return written;
-  return write_surfaces(flags, scan, surfels, frame.tubes);
+  return write_scan_outputs(flags.outputs, scan, surfels, frame.tubes);
 }
 
 }  // namespace
@@ -280,14 +214,7 @@ void add_scan(CLI::App& app, int& exit_code) {
   option("--cell-size", flags->cell_size, "metres a cell of a height map, or a voxel, in place of the header's", "M");
   option("--height-scale", flags->height_scale, "metres per count of a height map", "S");
   option("--out", flags->out, "write the result here instead of to stdout", "FILE");
-  option("--centerline", flags->centerline, "the centrelines' nodes as CSV", "FILE.csv");
-  option("--xyz", flags->xyz, "the bend tables' points as CSV", "FILE.csv");
-  option("--lra", flags->lra, "the bend tables' lengths, rotations and angles as CSV", "FILE.csv");
-  option("--vtk", flags->vtk, "the centrelines as VTK polydata", "FILE.vtk");
-  option("--mesh", flags->mesh, "the tubes' surface, by the name's extension PLY, OBJ or STL", "FILE");
-  option("--error-map", flags->error_map, "the input coloured by its distance to the tubes; prints a summary of it",
-         "FILE.ply");
-  option("--picture", flags->picture, "a picture of the input coloured so, and of the tubes beside it", "FILE.png");
+  add_scan_output_flags(*command, flags->outputs);
   command->add_flag("--no-timing", flags->no_timing, "leave times out of the result: equal scans give equal bytes");
   command->add_flag("--quiet", flags->quiet, "no summary on stderr, errors only");
   command->callback([flags, &exit_code] {

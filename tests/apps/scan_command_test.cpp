@@ -187,6 +187,65 @@ print(json.dumps(seen))
   EXPECT_EQ(read["x.csv"].size(), tube["bend_table"]["xyz_m"].size());
 }
 
+TEST_F(ScanCommand, AClosedTubesSurfaceIsClosed) {
+  if (std::system("/usr/bin/python3 -c 'import vtk' 2> /dev/null") != 0)
+    GTEST_SKIP() << "python3-vtk9 is not installed";
+  const std::string file = write("ring.off", off_text(tube_mesh({40.0, 6.0, 2.0 * M_PI, 2.0 * M_PI, 160, 40})));
+  const ProgramEnd end = scan({file, "--mesh", path("m.stl")});
+  ASSERT_EQ(end.exit_code, 0) << end.err;
+  const auto tube = nlohmann::json::parse(end.out)["tubes"][0];
+  EXPECT_TRUE(tube.value("closed", false));
+  const std::string seen = seen_by_vtk(folder_, R"(import json, os, sys, vtk
+reader = vtk.vtkSTLReader()
+reader.SetFileName(os.path.join(sys.argv[1], "m.stl"))
+edges = vtk.vtkFeatureEdges()
+edges.SetInputConnection(reader.GetOutputPort())
+edges.FeatureEdgesOff()
+edges.ManifoldEdgesOff()
+edges.Update()
+measure = vtk.vtkMassProperties()
+measure.SetInputConnection(reader.GetOutputPort())
+print(json.dumps([edges.GetOutput().GetNumberOfCells(), measure.GetVolume()]))
+)");
+  ASSERT_NE(seen, "");
+  const auto read = nlohmann::json::parse(seen);
+  EXPECT_EQ(read[0], 0);  // no open edge, and none of three faces
+  const double radius_m = tube["radius_m"], length_m = tube["length_m"];
+  const double volume = M_PI * radius_m * radius_m * length_m;
+  EXPECT_NEAR(read[1].get<double>(), volume, 0.01 * volume);
+}
+
+TEST_F(ScanCommand, VoxelsAndHeightMapsAreReadWithTheirFlags) {
+  constexpr int kSide = 120, kHeight = 30;
+  const std::string voxels = torus_voxels(kSide, kHeight, 42.0, 8.0);
+  const ProgramEnd volume = scan({write("ring.nii", nifti_bytes({kSide, kSide, kHeight}, {1.0F, 1.0F, 1.0F}, voxels))});
+  ASSERT_EQ(volume.exit_code, 0) << volume.err;
+  const auto ring = nlohmann::json::parse(volume.out)["tubes"];
+  ASSERT_EQ(ring.size(), 1U);
+  EXPECT_TRUE(ring[0].value("closed", false));
+  EXPECT_NEAR(ring[0]["radius_m"].get<double>(), 0.008, 0.0001);
+  EXPECT_NEAR(ring[0]["length_m"].get<double>(), 2.0 * M_PI * 0.042, 0.001);
+
+  cv::Mat heights(80, 200, CV_16U, cv::Scalar(0));
+  for (int row = 0; row < heights.rows; ++row) {
+    const double off_mm = row - 40.0;
+    for (int col = 20; col < 180 && std::abs(off_mm) < 12.0; ++col)
+      heights.at<std::uint16_t>(row, col) =
+          static_cast<std::uint16_t>(std::lround(100.0 * std::sqrt(144.0 - off_mm * off_mm)));
+  }
+  ASSERT_TRUE(cv::imwrite(path("h.png"), heights));
+  EXPECT_EQ(scan({path("h.png")}).exit_code, 2);
+  const ProgramEnd map = scan({path("h.png"), "--cell-size", "0.001", "--height-scale", "0.00001"});
+  ASSERT_EQ(map.exit_code, 0) << map.err;
+  const auto tubes = nlohmann::json::parse(map.out)["tubes"];
+  ASSERT_EQ(tubes.size(), 1U);
+  EXPECT_NEAR(tubes[0]["radius_m"].get<double>(), 0.012, 0.00005);
+  for (const auto& node : tubes[0]["centerline_m"]) {
+    EXPECT_NEAR(node[1].get<double>(), 0.040, 0.00005);
+    EXPECT_NEAR(node[2].get<double>(), 0.0, 0.0001);
+  }
+}
+
 TEST_F(ScanCommand, ThePictureShowsBothSurfaces) {
   const ProgramEnd end = scan({write("pipe.off", off_text(bent_pipe())), "--picture", path("p.png")});
   ASSERT_EQ(end.exit_code, 0) << end.err;

@@ -171,6 +171,55 @@ double length_between(const Spline& spline, double t_begin, double t_end) {
   return length_m;
 }
 
+/// Sorts the points into the stations, and those that agree into the sections' bins.
+Sections gather(std::span<const Surfel> surfels, const std::vector<SurfacePoint>& points, const ScanLine& line,
+                double spacing_m, double scale_m, std::vector<ScanStation>& stations) {
+  const double radius_m = line.model.radius_m;
+  const std::size_t count = stations.size();
+  const double station_spans = line.model.spline.spans() / static_cast<double>(count);
+  const std::vector<Frame> frames = frames_along(line.model.spline, stations);
+  Sections sections;
+  sections.by_place.resize(count);
+  sections.by_normal.resize(count);
+  sections.radii.resize(count);
+  sections.t_agreeing.resize(count);
+  const double agree_m = std::clamp(kAgreeSigmas * scale_m, kAgreeRadii * radius_m, kMostAgreeRadii * radius_m);
+  const double half_rad = std::min(0.75 * spacing_m / radius_m, 0.4);
+  for (const SurfacePoint& point : points) {
+    const auto at = std::min(static_cast<std::size_t>(point.t / station_spans), count - 1);
+    const double weight = surfels[point.surfel].weight;
+    stations[at].facing += weight;
+    if (point.facing < kAgreeFacing || std::abs(point.distance_m - radius_m) > agree_m) continue;
+    stations[at].agree += weight;
+    stations[at].radius_m += weight * point.distance_m;
+    const double place_rad = angle_of(-point.inward, frames[at]);
+    const Eigen::Vector3d outward = -surfels[point.surfel].inward_normal.cast<double>();
+    sections.by_place[at] |= bins_around(place_rad, half_rad);
+    sections.by_normal[at] |= bins_around(angle_of(outward, frames[at]), half_rad);
+    const auto bin = static_cast<std::size_t>(bin_of(place_rad));
+    sections.radii[at][bin] += {1.0, point.distance_m, point.distance_m * point.distance_m};
+    sections.t_agreeing[at].push_back(point.t);
+  }
+  for (ScanStation& station : stations) {
+    if (station.agree > 0.0) station.radius_m /= station.agree;
+  }
+  return sections;
+}
+
+/// Arc and support over the stations of a run.
+void sum_up(std::size_t first, std::size_t last, ScanEvidence& evidence) {
+  std::vector<double> arcs;
+  double agree = 0.0, facing = 0.0;
+  for (std::size_t i = first; i <= last; ++i) {
+    arcs.push_back(evidence.stations[i].arc_rad);
+    agree += evidence.stations[i].agree;
+    facing += evidence.stations[i].facing;
+  }
+  std::nth_element(arcs.begin(), arcs.begin() + static_cast<std::ptrdiff_t>(arcs.size() / 2), arcs.end());
+  evidence.arc_rad = arcs[arcs.size() / 2];
+  evidence.support = agree / facing;
+}
+
 }  // namespace
 
 ScanEvidence look_at(std::span<const Surfel> surfels, const std::vector<SurfacePoint>& points, const ScanLine& line,
@@ -183,33 +232,7 @@ ScanEvidence look_at(std::span<const Surfel> surfels, const std::vector<SurfaceP
   const double station_spans = spline.spans() / static_cast<double>(count);
   evidence.stations.resize(count);
   for (std::size_t i = 0; i < count; ++i) evidence.stations[i].t = (static_cast<double>(i) + 0.5) * station_spans;
-  const std::vector<Frame> frames = frames_along(spline, evidence.stations);
-  Sections sections;
-  sections.by_place.resize(count);
-  sections.by_normal.resize(count);
-  sections.radii.resize(count);
-  sections.t_agreeing.resize(count);
-  const double agree_m = std::clamp(kAgreeSigmas * scale_m, kAgreeRadii * radius_m, kMostAgreeRadii * radius_m);
-  const double half_rad = std::min(0.75 * spacing_m / radius_m, 0.4);
-  for (const SurfacePoint& point : points) {
-    const auto at = std::min(static_cast<std::size_t>(point.t / station_spans), count - 1);
-    ScanStation& station = evidence.stations[at];
-    const double weight = surfels[point.surfel].weight;
-    station.facing += weight;
-    if (point.facing < kAgreeFacing || std::abs(point.distance_m - radius_m) > agree_m) continue;
-    station.agree += weight;
-    station.radius_m += weight * point.distance_m;
-    const double place_rad = angle_of(-point.inward, frames[at]);
-    const Eigen::Vector3d outward = -surfels[point.surfel].inward_normal.cast<double>();
-    sections.by_place[at] |= bins_around(place_rad, half_rad);
-    sections.by_normal[at] |= bins_around(angle_of(outward, frames[at]), half_rad);
-    const auto bin = static_cast<std::size_t>(bin_of(place_rad));
-    sections.radii[at][bin] += {1.0, point.distance_m, point.distance_m * point.distance_m};
-    sections.t_agreeing[at].push_back(point.t);
-  }
-  for (ScanStation& station : evidence.stations) {
-    if (station.agree > 0.0) station.radius_m /= station.agree;
-  }
+  const Sections sections = gather(surfels, points, line, spacing_m, scale_m, evidence.stations);
   set_arcs(sections, min_arc_rad, evidence.stations);
   const auto [first, last] = best_run(evidence.stations);
   if (first > last) return evidence;
@@ -222,16 +245,7 @@ ScanEvidence look_at(std::span<const Surfel> surfels, const std::vector<SurfaceP
   }
   evidence.t_end = std::max(evidence.t_begin, evidence.t_end);
   evidence.length_m = length_between(spline, evidence.t_begin, evidence.t_end);
-  std::vector<double> arcs;
-  double agree = 0.0, facing = 0.0;
-  for (std::size_t i = first; i <= last; ++i) {
-    arcs.push_back(evidence.stations[i].arc_rad);
-    agree += evidence.stations[i].agree;
-    facing += evidence.stations[i].facing;
-  }
-  std::nth_element(arcs.begin(), arcs.begin() + static_cast<std::ptrdiff_t>(arcs.size() / 2), arcs.end());
-  evidence.arc_rad = arcs[arcs.size() / 2];
-  evidence.support = agree / facing;
+  sum_up(first, last, evidence);
   evidence.spacing_radii = spacing_m / radius_m;
   evidence.scale_radii = scale_m / radius_m;
   evidence.profile_rms_radii = profile_rms(sections, first, last);

@@ -3,93 +3,12 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
-#include <cstdint>
-#include <unordered_map>
 
 namespace tubetrack {
 
 namespace {
 
 constexpr int kOverlapSpans = 6;
-constexpr int kNodesPerSpan = 2;
-constexpr double kNearestRadii = 0.5, kFarthestRadii = 1.5;
-constexpr double kLeastFacing = 0.5;  // 60°
-constexpr double kMostAlong = 0.4;    // 24°
-
-/// Nodes of a line by the cell of a coarse grid that they can be near to.
-class NodeGrid {
- public:
-  NodeGrid(const Spline& spline, double reach_m) : cell_m_(reach_m) {
-    const int count = static_cast<int>(spline.spans()) * kNodesPerSpan;
-    for (int i = 0; i <= count; ++i) {
-      nodes_m_.push_back(point_at(spline, static_cast<double>(i) / kNodesPerSpan));
-      box_.extend(nodes_m_.back());
-      for (int k = 0; k < 27; ++k) {
-        const Eigen::Vector3d shift = reach_m * Eigen::Vector3d(k % 3 - 1, k / 3 % 3 - 1, k / 9 - 1);
-        nodes_of_[key_of(nodes_m_.back() + shift)].push_back(static_cast<std::uint32_t>(i));
-      }
-    }
-    box_.min().array() -= reach_m;
-    box_.max().array() += reach_m;
-  }
-
-  /// The nearest node's parameter; negative where none is within reach.
-  double nearest(const Eigen::Vector3d& point_m) const {
-    if (!box_.contains(point_m)) return -1.0;
-    const auto cell = nodes_of_.find(key_of(point_m));
-    if (cell == nodes_of_.end()) return -1.0;
-    double least = cell_m_ * cell_m_;
-    double t = -1.0;
-    for (const std::uint32_t node : cell->second) {
-      const double squared = (nodes_m_[node] - point_m).squaredNorm();
-      if (squared >= least) continue;
-      least = squared;
-      t = static_cast<double>(node) / kNodesPerSpan;
-    }
-    return t;
-  }
-
- private:
-  std::uint64_t key_of(const Eigen::Vector3d& point_m) const {
-    std::uint64_t key = 0;
-    for (int axis = 0; axis < 3; ++axis) {
-      const auto at = static_cast<std::int64_t>(std::floor(point_m[axis] / cell_m_));
-      key = (key << 21) | (static_cast<std::uint64_t>(at + (1 << 20)) & 0x1FFFFFU);
-    }
-    return key;
-  }
-
-  double cell_m_;
-  std::vector<Eigen::Vector3d> nodes_m_;
-  Eigen::AlignedBox3d box_;
-  std::unordered_map<std::uint64_t, std::vector<std::uint32_t>> nodes_of_;
-};
-
-struct Foot {
-  double t = 0.0;
-  Eigen::Vector3d position_m = Eigen::Vector3d::Zero(), derivative_m = Eigen::Vector3d::UnitX();
-};
-
-/// As foot_parameter, to a hundredth of a span: of a distance of R that is less than a ten-thousandth.
-Foot foot_on(const std::vector<SpanPolynomial>& curve, const Eigen::Vector3d& point_m, double t) {
-  const auto spans = static_cast<double>(curve.size());
-  Foot foot;
-  foot.t = std::clamp(t, 0.0, spans);
-  constexpr int kRounds = 3;
-  for (int i = 0;; ++i) {
-    const std::size_t span = std::min(static_cast<std::size_t>(foot.t), curve.size() - 1);
-    const auto& [c0, c1, c2, c3] = curve[span];
-    const double s = foot.t - static_cast<double>(span);
-    foot.position_m = c0 + s * (c1 + s * (c2 + s * c3));
-    foot.derivative_m = c1 + s * (2.0 * c2 + (3.0 * s) * c3);
-    const double speed2 = foot.derivative_m.squaredNorm();
-    if (i == kRounds || !(speed2 > 0.0)) return foot;
-    const double step = std::clamp((point_m - foot.position_m).dot(foot.derivative_m) / speed2, -0.5, 0.5);
-    const double next = std::clamp(foot.t + step, 0.0, spans);
-    if (std::abs(next - foot.t) < 0.01) return foot;
-    foot.t = next;
-  }
-}
 
 std::vector<Eigen::Vector3d> evenly_around(const std::vector<Eigen::Vector3d>& ring_m, double spacing_m) {
   std::vector<double> along_m{0.0};
@@ -182,54 +101,67 @@ TubeModel window_of(const TubeModel& model, const Stretch& stretch) {
   return {{{q.begin() + stretch.begin, q.begin() + stretch.end + 3}}, model.radius_m};
 }
 
-/// Gauss-Newton in every window. One radius for all: a first time it is free in each, their mean is then held.
+FitOptions window_options(const ScanFitOptions& options) {
+  FitOptions window;
+  window.radius_m = options.radius_m;
+  window.radius_min_m = options.radius_min_m;
+  window.radius_max_m = options.radius_max_m;
+  return window;
+}
+
+/// One radius for all windows: free in each, the mean of what they say. 0 where none says anything.
+double pooled_radius_m(const ScanLine& line, const std::vector<Stretch>& stretches,
+                       const std::vector<std::vector<Observation>>& parts, const ScanFitOptions& options,
+                       double& sigma_m) {
+  double sum = 0.0, weights = 0.0;
+  for (std::size_t i = 0; i < stretches.size(); ++i) {
+    TubeModel window = window_of(line.model, stretches[i]);
+    const auto quality = fit_tube(window, parts[i], window_options(options));
+    if (!quality || !(quality->radius_sigma_m > 0.0)) continue;
+    const double weight = 1.0 / (quality->radius_sigma_m * quality->radius_sigma_m);
+    sum += weight * window.radius_m;
+    weights += weight;
+  }
+  if (!(weights > 0.0)) return 0.0;
+  sigma_m = 1.0 / std::sqrt(weights);
+  return sum / weights;
+}
+
+/// Takes over the control points that a window speaks for.
+void take_core(const Stretch& stretch, const Spline& window, Spline& spline) {
+  const int first = stretch.core_begin == 0 ? 0 : stretch.core_begin + 1;
+  const int last = stretch.end == stretch.core_end ? stretch.end + 2 : stretch.core_end + 1;
+  for (int k = first; k <= last; ++k)
+    spline.control_m[static_cast<std::size_t>(k)] = window.control_m[static_cast<std::size_t>(k - stretch.begin)];
+}
+
+/// Gauss-Newton in every window.
 bool fit_windows(ScanLine& line, const std::vector<Observation>& observations, const ScanFitOptions& options,
                  bool want_covariance, ScanFit& fit) {
   const std::vector<Stretch> stretches = stretches_of(static_cast<int>(line.model.spline.spans()));
   const auto parts = sorted_into(stretches, observations);
-  FitOptions fit_options;
-  fit_options.radius_m = options.radius_m;
-  fit_options.radius_min_m = options.radius_min_m;
-  fit_options.radius_max_m = options.radius_max_m;
-  fit_options.want_covariance = true;
-  if (stretches.size() > 1 && !options.radius_m) {
-    double sum = 0.0, weights = 0.0;
-    for (std::size_t i = 0; i < stretches.size(); ++i) {
-      TubeModel window = window_of(line.model, stretches[i]);
-      const auto quality = fit_tube(window, parts[i], fit_options);
-      if (!quality || !(quality->radius_sigma_m > 0.0)) continue;
-      const double weight = 1.0 / (quality->radius_sigma_m * quality->radius_sigma_m);
-      sum += weight * window.radius_m;
-      weights += weight;
-    }
-    if (!(weights > 0.0)) return false;
-    line.model.radius_m = sum / weights;
-    fit.radius_sigma_m = 1.0 / std::sqrt(weights);
+  const bool whole = stretches.size() == 1;
+  FitOptions fit_options = window_options(options);
+  if (!whole && !options.radius_m) {
+    line.model.radius_m = pooled_radius_m(line, stretches, parts, options, fit.radius_sigma_m);
+    if (!(line.model.radius_m > 0.0)) return false;
     fit_options.radius_m = line.model.radius_m;
   }
   fit_options.want_covariance = want_covariance;
   TubeModel fitted = line.model;
   fit.windows.clear();
   for (std::size_t i = 0; i < stretches.size(); ++i) {
-    const Stretch& stretch = stretches[i];
-    TubeModel window = window_of(line.model, stretch);
+    TubeModel window = window_of(line.model, stretches[i]);
     const auto quality = fit_tube(window, parts[i], fit_options);
-    if (!quality) {
-      if (stretches.size() == 1) return false;
-      continue;  // nothing is seen of it: it stays as it was traced
-    }
-    if (stretches.size() == 1) {
+    if (!quality && whole) return false;
+    if (!quality) continue;  // nothing is seen of it: it stays as it was traced
+    if (whole) {
       fitted.radius_m = window.radius_m;
       fit.radius_sigma_m = quality->radius_sigma_m;
     }
-    const int first = stretch.core_begin == 0 ? 0 : stretch.core_begin + 1;
-    const int last = stretch.end == stretch.core_end ? stretch.end + 2 : stretch.core_end + 1;
-    for (int k = first; k <= last; ++k) {
-      const auto at = static_cast<std::size_t>(k);
-      fitted.spline.control_m[at] = window.spline.control_m[at - static_cast<std::size_t>(stretch.begin)];
-    }
-    fit.windows.push_back({static_cast<std::size_t>(stretch.begin), 1.0 * stretch.core_begin, 1.0 * stretch.core_end,
-                           std::move(window.spline), quality->covariance});
+    take_core(stretches[i], window.spline, fitted.spline);
+    fit.windows.push_back({static_cast<std::size_t>(stretches[i].begin), 1.0 * stretches[i].core_begin,
+                           1.0 * stretches[i].core_end, std::move(window.spline), quality->covariance});
   }
   line.model = std::move(fitted);
   return !fit.windows.empty();
@@ -253,44 +185,6 @@ ScanLine scan_line_along(const std::vector<Eigen::Vector3d>& polyline_m, double 
     line.model.spline.control_m.push_back(ring_m[static_cast<std::size_t>(at)]);
   }
   return line;
-}
-
-std::vector<SurfacePoint> points_near(std::span<const Surfel> surfels, std::span<const char> taken,
-                                      const ScanLine& line) {
-  const Spline& spline = line.model.spline;
-  const double radius_m = line.model.radius_m;
-  // A node's own distance and half of that to the next one, which a bend may widen.
-  const double reach_m = (kFarthestRadii + 0.5 * kKnotSpacingRadii) * radius_m;
-  const NodeGrid grid(spline, reach_m);
-  const std::vector<SpanPolynomial> curve = polynomials_of(spline);
-  std::vector<SurfacePoint> points;
-  for (std::size_t i = 0; i < surfels.size(); ++i) {
-    if (!taken.empty() && taken[i] != 0) continue;
-    const Eigen::Vector3d point_m = surfels[i].position_m.cast<double>();
-    const double nearest = grid.nearest(point_m);
-    if (nearest < 0.0) continue;
-    SurfacePoint point;
-    point.surfel = static_cast<std::uint32_t>(i);
-    const Foot foot = foot_on(curve, point_m, nearest);
-    point.t = foot.t;
-    const Eigen::Vector3d to_axis = foot.position_m - point_m;
-    point.distance_m = to_axis.norm();
-    if (point.distance_m < kNearestRadii * radius_m || point.distance_m > kFarthestRadii * radius_m) continue;
-    point.inward = to_axis / point.distance_m;
-    // Beyond an end the foot stays there.
-    const Eigen::Vector3d along = foot.derivative_m.normalized();
-    if (std::abs(point.inward.dot(along)) > 0.1) continue;
-    const Eigen::Vector3d normal = surfels[i].inward_normal.cast<double>();
-    point.facing = point.inward.dot(normal);
-    if (point.facing < kLeastFacing || std::abs(along.dot(normal)) > kMostAlong) continue;
-    points.push_back(point);
-    if (!line.closed()) continue;
-    const double again = point.t + (point.t < 0.5 * spline.spans() ? line.period : -line.period);
-    if (again < 0.0 || again > spline.spans()) continue;
-    point.t = again;
-    points.push_back(point);
-  }
-  return points;
 }
 
 std::optional<ScanFit> fit_scan_line(std::span<const Surfel> surfels, std::span<const char> taken, ScanLine& line,

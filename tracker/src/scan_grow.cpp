@@ -51,6 +51,7 @@ std::vector<Eigen::Vector3d> points_of(const ScanLine& line) {
   const double begin = line.overlap, spans = line.closed() ? line.period : line.model.spline.spans();
   const int count = 2 * static_cast<int>(std::lround(spans));
   std::vector<Eigen::Vector3d> points_m;
+  points_m.reserve(static_cast<std::size_t>(count) + 1);
   for (int i = 0; i < count + (line.closed() ? 0 : 1); ++i)
     points_m.push_back(point_at(line.model.spline, begin + 0.5 * i));
   return points_m;
@@ -88,14 +89,17 @@ bool close_if_ends_meet(ScanTube& tube) {
   const double begin = tube.evidence.t_begin, end = tube.evidence.t_end;
   if (tube.line.closed() || end - begin < 5.0) return false;
   const Eigen::Vector3d gap_m = point_at(spline, begin) - point_at(spline, end);
-  if (gap_m.norm() > 1.5 * radius_m) return false;
+  constexpr double kNearRadii = 2.5;
+  if (gap_m.norm() > kNearRadii * radius_m) return false;
   const Eigen::Vector3d out = derivative_at(spline, end).normalized(), in = derivative_at(spline, begin).normalized();
   constexpr double kSameWay = 0.5;
-  if (out.dot(in) < kSameWay) return false;
+  if (out.dot(in) < kSameWay || (gap_m.norm() > radius_m && std::abs(out.dot(gap_m)) < kSameWay * gap_m.norm()))
+    return false;
   const bool overlaps = gap_m.dot(out) < 0.0;
   const double last = overlaps ? end - std::min(2.0, 0.5 * gap_m.norm() / radius_m + 0.5) : end;
   std::vector<Eigen::Vector3d> ring_m;
   const int count = static_cast<int>(std::ceil(2.0 * (last - begin)));
+  ring_m.reserve(static_cast<std::size_t>(count) + 1);
   for (int i = 0; i <= count; ++i) ring_m.push_back(point_at(spline, begin + (last - begin) * i / count));
   tube.line = scan_line_along(ring_m, radius_m, true);
   return true;
@@ -106,6 +110,7 @@ std::vector<Eigen::Vector3d> seen_points_of(const ScanTube& tube) {
   const double begin = tube.evidence.t_begin, end = tube.evidence.t_end;
   const int count = std::max(2, static_cast<int>(std::ceil(2.0 * (end - begin))));
   std::vector<Eigen::Vector3d> points_m;
+  points_m.reserve(static_cast<std::size_t>(count) + 1);
   for (int i = 0; i <= count; ++i)
     points_m.push_back(point_at(tube.line.model.spline, begin + (end - begin) * i / count));
   return points_m;
@@ -177,6 +182,8 @@ bool refine_scan_tube(const ScanSurface& surface, const ScanTubesConfig& config,
   ScanFitOptions options = fit_options(surface, config, 1);
   knot_again(tube);
   if (!fit_and_look(surface, config, options, tube)) return false;
+  // Of two pieces that were joined the other ends may meet too.
+  if (close_if_ends_meet(tube) && !fit_and_look(surface, config, options, tube)) return false;
   if (!goes_all_around(tube)) trim(tube);
   options.want_covariance = true;
   // At an end a rounded edge, or what it is held by, bends the line into a hook.

@@ -189,7 +189,7 @@ Tube result_of(const ScanTube& found) {
   tube.radius_m = found.line.model.radius_m;
   tube.radius_sigma_m = found.fit.radius_sigma_m;
   tube.confidence = std::min(1.0, evidence.support);
-  tube.closed = found.line.closed();
+  tube.closed = found.line.closed() && evidence.t_end - evidence.t_begin >= found.line.period;
   constexpr double kNodeRadii = 0.5;
   const int spans = std::max(2, static_cast<int>(std::ceil(evidence.length_m / (kNodeRadii * tube.radius_m))));
   std::size_t station = 0;

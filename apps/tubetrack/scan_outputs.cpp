@@ -1,0 +1,100 @@
+#include "scan_outputs.hpp"
+
+#include <fmt/format.h>
+
+#include <cerrno>
+#include <cstring>
+#include <fstream>
+#include <tuple>
+
+#include "tubetrack/report/scan_picture.hpp"
+#include "tubetrack/report/surface_mesh.hpp"
+#include "tubetrack/report/tube_tables.hpp"
+
+namespace tubetrack {
+
+namespace {
+
+/// The input as it is drawn and compared: a mesh's own faces, else the surfels' places.
+SurfaceMesh surface_of_scan(const Scan& scan, std::span<const Surfel> surfels) {
+  SurfaceMesh mesh;
+  if (scan.kind == ScanKind::mesh) {
+    mesh.points_m = scan.points_m;
+    mesh.faces = scan.faces;
+  } else {
+    for (const Surfel& surfel : surfels) mesh.points_m.emplace_back(surfel.position_m.cast<double>());
+  }
+  for (Eigen::Vector3d& point : mesh.points_m) point += scan.origin_m;
+  return mesh;
+}
+
+Expected<void> write_tables(const ScanOutputs& outputs, std::span<const Tube> tubes) {
+  using Table = std::string (*)(std::span<const Tube>);
+  const std::tuple<const char*, const std::string*, Table> tables[] = {
+      {"--centerline", &outputs.centerline, centerline_csv},
+      {"--xyz", &outputs.xyz, xyz_csv},
+      {"--lra", &outputs.lra, lra_csv},
+      {"--vtk", &outputs.vtk, vtk_polydata}};
+  for (const auto& [flag, path, table] : tables) {
+    if (path->empty()) continue;
+    if (auto written = write_text_file(flag, *path, table(tubes)); !written) return written;
+  }
+  return {};
+}
+
+/// The tubes' surface, the input coloured by its distance to it, and a picture of both.
+Expected<void> write_surfaces(const ScanOutputs& outputs, const Scan& scan, std::span<const Surfel> surfels,
+                              std::span<const Tube> tubes) {
+  if (outputs.mesh.empty() && outputs.error_map.empty() && outputs.picture.empty()) return {};
+  SurfaceMesh surfaces[2];
+  surfaces[0] = surface_of_scan(scan, surfels);
+  for (const Tube& tube : tubes) append(surfaces[1], surface_of(tube));
+  if (!outputs.mesh.empty()) {
+    if (auto written = write_mesh(outputs.mesh, surfaces[1]); !written) return written;
+  }
+  const SurfaceErrors errors = color_by_distance(surfaces[0], tubes);
+  if (!outputs.error_map.empty()) {
+    if (auto written = write_mesh(outputs.error_map, surfaces[0]); !written) return written;
+    fmt::print(stderr, "distance of {} points from the tubes: min {:.4f}, median {:.4f}, 95 % {:.4f}, max {:.4f} mm",
+               errors.on_tubes, 1e3 * errors.min_m, 1e3 * errors.median_m, 1e3 * errors.percentile_95_m,
+               1e3 * errors.max_m);
+    fmt::print(stderr, "; {} points belong to no tube\n", errors.off_tubes);
+  }
+  if (outputs.picture.empty()) return {};
+  return write_scan_picture(outputs.picture, surfaces);
+}
+
+}  // namespace
+
+Expected<void> write_text_file(std::string_view flag, const std::string& path, const std::string& text) {
+  std::ofstream file(path);
+  if (!file) {
+    return tl::make_unexpected(
+        Error::usage(fmt::format("{} {}: {}; give a file in an existing folder", flag, path, std::strerror(errno))));
+  }
+  file << text << std::flush;
+  if (!file) return tl::make_unexpected(Error::failed(fmt::format("{} {}: {}", flag, path, std::strerror(errno))));
+  return {};
+}
+
+void add_scan_output_flags(CLI::App& command, ScanOutputs& outputs) {
+  const auto option = [&](const char* name, std::string& value, const char* what, const char* type) {
+    command.add_option(name, value, what)->type_name(type);
+  };
+  option("--centerline", outputs.centerline, "the centrelines' nodes as CSV", "FILE.csv");
+  option("--xyz", outputs.xyz, "the bend tables' points as CSV", "FILE.csv");
+  option("--lra", outputs.lra, "the bend tables' lengths, rotations and angles as CSV", "FILE.csv");
+  option("--vtk", outputs.vtk, "the centrelines as VTK polydata", "FILE.vtk");
+  option("--mesh", outputs.mesh, "the tubes' surface, by the name's extension PLY, OBJ or STL", "FILE");
+  option("--error-map", outputs.error_map, "the input coloured by its distance to the tubes; prints a summary of it",
+         "FILE.ply");
+  option("--picture", outputs.picture, "a picture of the input coloured so, and of the tubes beside it", "FILE.png");
+}
+
+Expected<void> write_scan_outputs(const ScanOutputs& outputs, const Scan& scan, std::span<const Surfel> surfels,
+                                  std::span<const Tube> tubes) {
+  if (auto written = write_tables(outputs, tubes); !written) return written;
+  return write_surfaces(outputs, scan, surfels, tubes);
+}
+
+}  // namespace tubetrack

@@ -1,0 +1,27 @@
+#pragma once
+
+#include <CLI/CLI.hpp>
+#include <span>
+#include <string>
+#include <string_view>
+
+#include "tubetrack/replay/scan_surfels.hpp"
+#include "tubetrack/tracker/tube.hpp"
+
+namespace tubetrack {
+
+/// Files that `tubetrack scan` writes besides its line; empty: not asked for.
+struct ScanOutputs {
+  std::string centerline, xyz, lra, vtk, mesh, error_map, picture;
+};
+void add_scan_output_flags(CLI::App& command, ScanOutputs& outputs);
+
+/// Tubes and scan in metres, in the file's frame but for `scan.origin_m`, which is added. The summary of the error map
+/// goes to stderr. The error names the flag or the file.
+Expected<void> write_scan_outputs(const ScanOutputs& outputs, const Scan& scan, std::span<const Surfel> surfels,
+                                  std::span<const Tube> tubes);
+
+/// `text` to the file that `flag` names.
+Expected<void> write_text_file(std::string_view flag, const std::string& path, const std::string& text);
+
+}  // namespace tubetrack
