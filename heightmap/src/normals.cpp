@@ -56,7 +56,7 @@ std::span<const Surfel> SurfelFinder::find(const HeightMap& map, const NoiseMode
     s.tiles.start(map);
     s.surfels.reserve(map.rays.size());
   }
-  const SurfelRule rule(map.intrinsics, noise, options);
+  const SurfelRule rule(map.intrinsics, s.work.longest_ray2, noise, options);
   const EdgeRule edge_rule(noise, map.intrinsics.fx_px);
   if (s.rule != rule || s.edge_rule != edge_rule) s.tiles.forget();
   s.rule = rule;

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <bit>
-#include <cmath>
 #include <cstring>
 
 namespace tubetrack {
@@ -72,30 +71,6 @@ void find_in_region(const SurfelRule& rule, const Region& region, SurfelWork& wo
   }
 }
 
-void prepare_shortness(const HeightMap& map, const Grid& grid, RayTable& rays) {
-  const Intrinsics& in = map.intrinsics;
-  const auto farthest = [](double first_px, double last_px, double center_px) {
-    return std::max(std::abs(first_px - center_px), std::abs(last_px - center_px)) + kLargestHalf_px;
-  };
-  const auto shortness = [](double ray2) { return static_cast<float>(1.0 / std::sqrt(1.0 + ray2)); };
-  rays.shortness_of_columns.resize(static_cast<std::size_t>(grid.stride() / RayTable::kBlock_px));
-  rays.shortness_of_row.resize(static_cast<std::size_t>(grid.height));
-  for (int block = 0; block < grid.stride() / RayTable::kBlock_px; ++block) {
-    const int u = block * RayTable::kBlock_px - kMargin_px;
-    const double x = farthest(u, u + RayTable::kBlock_px - 1, in.cx_px) / in.fx_px;
-    rays.shortness_of_columns[static_cast<std::size_t>(block)] = shortness(x * x);
-  }
-  for (int v = 0; v < grid.height; ++v) {
-    const double y = farthest(v, v, in.cy_px) / in.fy_px;
-    rays.shortness_of_row[static_cast<std::size_t>(v)] = shortness(y * y);
-  }
-  if (!in.has_distortion()) return;
-  double longest2 = 0.0;
-  for (const Eigen::Vector2f& ray : map.rays) longest2 = std::max<double>(longest2, ray.squaredNorm());
-  std::fill(rays.shortness_of_columns.begin(), rays.shortness_of_columns.end(), shortness(longest2));
-  std::fill(rays.shortness_of_row.begin(), rays.shortness_of_row.end(), 1.0F);
-}
-
 }  // namespace
 
 void prepare(const HeightMap& map, SurfelWork& work) {
@@ -104,7 +79,8 @@ void prepare(const HeightMap& map, SurfelWork& work) {
   // A vector that starts in a row's last cell reads on.
   work.heights.height.assign(grid.size() + 64, 0);
   work.heights.variance.assign(grid.size() + 64, 0);
-  prepare_shortness(map, grid, work.rays);
+  work.longest_ray2 = 0.0F;
+  for (const Eigen::Vector2f& ray : map.rays) work.longest_ray2 = std::max(work.longest_ray2, ray.squaredNorm());
   if (map.intrinsics.has_distortion()) {
     const auto with_guards = grid.size() + 2 * static_cast<std::size_t>(grid.stride());
     work.rays.x.assign(with_guards, 0.0F);

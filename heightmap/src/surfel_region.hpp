@@ -18,6 +18,7 @@ inline constexpr int kSurfelReach_px = 2 * kLargestHalf_px;
 struct SurfelWork {
   Heights heights;
   RayTable rays;
+  float longest_ray2 = 0.0F;
   WindowFits fits;
   WindowSums sums;
   std::array<PlaneRing, kWindowSizes> planes;

@@ -107,24 +107,11 @@ HWY_INLINE V Difference(const Between& between, const float* before, const float
                  hn::IfThenElse(between.before, hn::LoadU(d, before), center));
 }
 
-/// What a bend must exceed before any normal is computed: `sigmas` of the second difference's noise, and `least`, in
-/// 1/m per pixel squared.
-struct Screen {
-  float sigmas;
-  float least;
-};
-
-/// A ray aside meets a surface that leans its way in shorter steps (at most 1/shortness times), and with more curvature
-/// for the same bend (at most its cube), which is all by which the careful gate can be laxer than these.
-HWY_INLINE Screen ScreenAt(const SurfelRule& rule, float shortness, float aspect) {
-  return {rule.gate_sigmas * shortness * std::max(1.0F, aspect),
-          rule.least_bend_per_m * (shortness * shortness * shortness)};
-}
-
-/// Whether the inverse depth bends down in some direction by more than the screen says: whether its second derivatives
-/// plus that limit are not positive definite.
+/// Whether the inverse depth bends down in some direction by more than `sigmas` of the second difference's noise, and
+/// by more than `least` (1/m per pixel squared): whether its second derivatives plus that limit are not positive
+/// definite.
 HWY_INLINE M BendsDown(const Neighbourhood& n, int i, const Between& across, const Between& down, float aspect,
-                       const Screen& screen) {
+                       float sigmas, float least) {
   const int h = n.half;
   const float* u = n.row.slope_u + i;
   const float* v = n.row.slope_v + i;
@@ -134,9 +121,9 @@ HWY_INLINE M BendsDown(const Neighbourhood& n, int i, const Between& across, con
   const V vu = hn::Mul(Difference(across, v - h, v, v + h), hn::Mul(across.per_px, Set(aspect)));
   const V uv = hn::Mul(Difference(down, n.above.slope_u + i, u, n.below.slope_u + i), per_row);
   const V mixed = hn::Mul(Set(0.5F), hn::Add(uv, vu));
-  const V noise = hn::Mul(hn::Mul(hn::LoadU(D(), n.row.slope_sigma + i), Set(screen.sigmas * kRoot2)),
+  const V noise = hn::Mul(hn::Mul(hn::LoadU(D(), n.row.slope_sigma + i), Set(sigmas * kRoot2)),
                           hn::Max(across.per_px, down.per_px));
-  const V limit = hn::Max(noise, Set(screen.least));
+  const V limit = hn::Max(noise, Set(least));
   const V a = hn::Add(uu, limit);
   const V b = hn::Add(vv, limit);
   return hn::Or(hn::Le(a, hn::Zero(D())), hn::Le(hn::Mul(a, b), hn::Mul(mixed, mixed)));
@@ -306,6 +293,7 @@ int ListCandidates(const SurfelRule& rule, const Neighbourhood& n, int begin, in
   const int step = static_cast<int>(hn::Lanes(d));
   const std::uint64_t lane_bits = (std::uint64_t{1} << step) - 1;
   const float aspect = rule.fy_px / rule.fx_px;
+  const float screen_sigmas = rule.screen_sigmas * std::max(1.0F, aspect);
   int count = 0;
   for (int i = begin; i < end; i += step) {
     const V here = hn::LoadU(d, n.row.slope_u + i);
@@ -318,8 +306,7 @@ int ListCandidates(const SurfelRule& rule, const Neighbourhood& n, int begin, in
     const Between down = Spread(hn::LoadU(d, n.above.slope_u + i), hn::LoadU(d, n.below.slope_u + i), n.half);
     open = hn::And(open, hn::And(across.known, down.known));
     if (hn::AllFalse(d, open)) continue;
-    const float shortness = n.shortness_of_columns[padded / RayTable::kBlock_px] * n.shortness_of_row;
-    open = hn::And(open, BendsDown(n, i, across, down, aspect, ScreenAt(rule, shortness, aspect)));
+    open = hn::And(open, BendsDown(n, i, across, down, aspect, screen_sigmas, rule.screen_bend_per_m));
     for (std::uint64_t bits = Bits(open); bits != 0; bits &= bits - 1) candidates[count++] = i + std::countr_zero(bits);
   }
   return count;
@@ -350,7 +337,7 @@ namespace tubetrack {
 
 HWY_EXPORT(SurfelsOfRow);
 
-SurfelRule::SurfelRule(const Intrinsics& in, const NoiseModel& model, const SurfelOptions& options)
+SurfelRule::SurfelRule(const Intrinsics& in, float longest_ray2, const NoiseModel& model, const SurfelOptions& options)
     : noise(model),
       fx_px(static_cast<float>(in.fx_px)),
       fy_px(static_cast<float>(in.fy_px)),
@@ -358,27 +345,22 @@ SurfelRule::SurfelRule(const Intrinsics& in, const NoiseModel& model, const Surf
       cy_px(static_cast<float>(in.cy_px)),
       distorted(in.has_distortion()),
       gate_sigmas(static_cast<float>(options.gate_sigmas)),
+      screen_sigmas(gate_sigmas / std::sqrt(1.0F + longest_ray2)),
       radius_min_m(static_cast<float>(options.radius_min_m)),
       radius_max_m(static_cast<float>(options.radius_max_m)) {
+  if (distorted) return;
   // The band's lower end is at most the largest radius, and the curvature's σ at most its share of the gate.
   const float least_per_m = kLowShare / (radius_max_m * (1.0F + kBandSigmas / gate_sigmas));
   constexpr float kCaution = 0.8F;  // differences over a window are not quite derivatives
-  least_bend_per_m = distorted ? 0.0F : kCaution * least_per_m / (fx_px * fx_px);
+  const float ray2 = 1.0F + longest_ray2;
+  screen_bend_per_m = kCaution * least_per_m / (fx_px * fx_px * ray2 * std::sqrt(ray2));
 }
 
 void surfels_of_row(const SurfelRule& rule, PlaneRing& planes, const RayTable& rays, const Grid& grid, int v,
                     int u_begin, int u_end, std::int32_t* candidates, std::uint64_t* found, FoundSurfel* row) {
   const int half = planes.half_px();
-  Neighbourhood n{planes.row(v),
-                  planes.row(v - half),
-                  planes.row(v + half),
-                  nullptr,
-                  nullptr,
-                  grid.stride(),
-                  rays.shortness_of_columns.data(),
-                  rays.shortness_of_row[static_cast<std::size_t>(v)],
-                  planes.u_begin(),
-                  v,
+  Neighbourhood n{planes.row(v), planes.row(v - half), planes.row(v + half), nullptr,
+                  nullptr,       grid.stride(),        planes.u_begin(),     v,
                   half};
   if (rule.distorted) {
     const auto ray_at = static_cast<std::ptrdiff_t>(RayTable::at(grid, planes.u_begin(), v));

@@ -10,17 +10,12 @@
 
 namespace tubetrack {
 
-/// What is known of a camera's rays.
+/// Ray of every padded cell of a camera with distortion, a row of zeros before the first and after the last; empty for
+/// one without, whose rays are cheaper to compute than to load.
 struct RayTable {
-  /// Of every padded cell of a camera with distortion, a row of zeros before the first and after the last; empty for
-  /// one without, whose rays are cheaper to compute than to load.
   std::vector<float> x;
   std::vector<float> y;
-  /// By kBlock_px padded columns, and by row: the product is at most 1 / √(1 + x² + y²) of any ray up to a window away.
-  std::vector<float> shortness_of_columns;
-  std::vector<float> shortness_of_row;
 
-  static constexpr int kBlock_px = 16;
   static std::size_t at(const Grid& grid, int u, int v) { return grid.at(u, v + 1); }
 };
 
@@ -32,13 +27,18 @@ struct SurfelRule {
   float cy_px = 0.0F;
   bool distorted = false;
   float gate_sigmas = 0.0F;
-  /// Of a surface that curves as much as a tube of the largest radius must to pass the gate: how inverse depth bends,
-  /// in 1/m per pixel (along u) squared, on the optical axis. A bit less, and 0 with distortion, which bends it too.
-  float least_bend_per_m = 0.0F;
+  /// Gates on second differences in the image, before any normal is computed: on their noise, and on how inverse depth
+  /// bends, in 1/m per pixel (along u) squared. A ray aside meets a surface that leans its way in shorter steps, and
+  /// with more curvature for the same bend, which is all by which the careful gate can be laxer than the first at
+  /// gate_sigmas and the second at the curvature of the largest tube that can pass. 0 with distortion, which bends
+  /// planes too.
+  float screen_sigmas = 0.0F;
+  float screen_bend_per_m = 0.0F;
   float radius_min_m = 0.0F;
   float radius_max_m = 0.0F;
 
-  SurfelRule(const Intrinsics& in, const NoiseModel& model, const SurfelOptions& options);
+  /// `longest_ray2`: the square of the longest (x/z, y/z).
+  SurfelRule(const Intrinsics& in, float longest_ray2, const NoiseModel& model, const SurfelOptions& options);
   bool operator==(const SurfelRule&) const = default;
 };
 
@@ -57,8 +57,6 @@ struct Neighbourhood {
   const float* ray_x;  ///< of the row; only with distortion
   const float* ray_y;
   std::ptrdiff_t ray_stride;
-  const float* shortness_of_columns;  ///< see RayTable
-  float shortness_of_row;
   int u_begin;  ///< the image column of the planes' first
   int v;
   int half;

@@ -60,7 +60,7 @@ TEST(SurfelFinder, IncrementallyFindsBitForBitWhatItFindsAnewInTheSameHeights) {
   TileLedger ledger;
   prepare(map, work);
   ledger.start(map);
-  const SurfelRule rule(kCamera, {}, {});
+  const SurfelRule rule(kCamera, work.longest_ray2, {}, {});
   int partial = 0;
   for (int frame = 0; frame < 150; ++frame) {
     update(map, patches.next(), {}, {}, true);
@@ -77,6 +77,34 @@ TEST(SurfelFinder, IncrementallyFindsBitForBitWhatItFindsAnewInTheSameHeights) {
     ASSERT_TRUE(same_found(work, anew)) << "frame " << frame;
   }
   EXPECT_GT(partial, 100);
+}
+
+// What bends too little for the largest radius is left out before its curvature is computed.
+TEST(SurfelFinder, LosesNothingToTheScreenOnBends) {
+  Stream stream;
+  stream.hole_share = 0.01;
+  HeightMap map = make_height_map(kCamera);
+  const Region all{0, 320, 0, 240};
+  std::vector<std::uint8_t> holes(static_cast<std::size_t>(map.tile_columns() * map.tile_rows()));
+  for (const double radius_max_m : {0.04, 0.1}) {
+    SurfelOptions options;
+    options.radius_max_m = radius_max_m;
+    for (int frame = 0; frame < 8; ++frame) {
+      update(map, stream.next(), {}, {}, frame % 2 == 0);
+      SurfelWork screened;
+      prepare(map, screened);
+      take_heights(map, all, screened.heights, holes.data());
+      SurfelWork full;
+      prepare(map, full);
+      full.heights = screened.heights;
+      SurfelRule rule(kCamera, screened.longest_ray2, {}, options);
+      find_in_regions(rule, EdgeRule({}, kCamera.fx_px), {&all, 1}, screened);
+      ASSERT_GT(rule.screen_bend_per_m, 0.0F);
+      rule.screen_bend_per_m = 0.0F;
+      find_in_regions(rule, EdgeRule({}, kCamera.fx_px), {&all, 1}, full);
+      ASSERT_TRUE(same_found(screened, full)) << radius_max_m << ' ' << frame;
+    }
+  }
 }
 
 TEST(SurfelFinder, FindsTheSameBytesWithEveryVectorLength) {

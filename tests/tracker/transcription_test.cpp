@@ -118,7 +118,7 @@ TEST_P(Transcription, SameRecordsGiveTheSameCountInEveryVoxel) {
 }
 
 TEST_P(Transcription, TheBestPeakIsMaxAccAtMaxPt) {
-  const Both both = build(GetParam());
+  Both both = build(GetParam());
   const auto peaks = both.map.peaks(1, 0);
   ASSERT_FALSE(peaks.empty());
   EXPECT_EQ(both.map.at(peaks.front()).votes, both.images.max_acc);
@@ -126,7 +126,7 @@ TEST_P(Transcription, TheBestPeakIsMaxAccAtMaxPt) {
 }
 
 TEST_P(Transcription, AxesAtPeaksAgreeWithin2Degrees) {
-  const Both both = build(GetParam());
+  Both both = build(GetParam());
   double worst_deg = 0.0;
   double squares = 0.0;
   double ours_squares = 0.0;
