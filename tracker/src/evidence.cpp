@@ -271,7 +271,9 @@ void look_beside(const HeightMap& map, const NoiseModel& noise, const TubeModel&
                  Evidence& evidence) {
   TubeModel wide = model;
   wide.radius_m = kRingBorders.back() * model.radius_m;
-  const std::vector<PredictedPixel> pixels = predict_pixels(map, noise, wide);
+  // Medians of many pixels: of a wide tube, every so manieth will do.
+  const int stride = std::clamp(static_cast<int>(evidence.width_px / 12.0), 1, 4);
+  const std::vector<PredictedPixel> pixels = predict_pixels(map, noise, wide, stride);
   const std::array<Beside, 2> both{beside(map, model, extent, pixels, -1.0), beside(map, model, extent, pixels, 1.0)};
   const auto& [left, right] = both;
   evidence.edge_share = straight_share(both);

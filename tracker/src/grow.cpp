@@ -2,6 +2,7 @@
 
 #include <Eigen/Geometry>
 #include <algorithm>
+#include <array>
 #include <cmath>
 
 #include "shape_sums.hpp"
@@ -15,6 +16,10 @@ constexpr int kHiddenSpans = 12;  // behind something nearer a tube may go on so
 
 double spacing_m(const Spline& spline) {
   return (spline.control_m[2] - spline.control_m[1]).norm();
+}
+
+double length_of(const FoundTube& found) {
+  return (found.extent.t_end - found.extent.t_begin) * spacing_m(found.model.spline);
 }
 
 /// Cuts the extent where the centreline bends tighter than a tube can (1.5 radii), seen from its middle.
@@ -62,10 +67,21 @@ std::optional<double> silhouette_radius_m(const Evidence& e, double radius_m) {
   return reach * radius_m;
 }
 
-/// So that a seed has some thousands of pixels at most: enough to tell whether it is worth growing.
+/// So that a seed has some hundreds of pixels at most: enough to tell whether it is worth growing.
 int seed_stride(const HeightMap& map, const Seed& seed, double radius_m) {
   const double side_px = 2.0 * radius_m * map.intrinsics.fx_px / std::max(seed.center_m.z(), 0.05);
-  return std::max(1, static_cast<int>(side_px / 45.0));
+  return std::max(1, static_cast<int>(side_px / 24.0));
+}
+
+/// Is what is seen there nearly as flat as a plane? Then it is no tube of anything like that radius.
+bool is_flat(const HeightMap& map, const TubeModel& model, const std::vector<PredictedPixel>& pixels) {
+  ShapeSums shape;
+  for (const PredictedPixel& pixel : pixels) {
+    const float measured = map.depth_m[pixel.cell];
+    if (measured > 0.0F && pixel.cos_incidence >= kCos75) add_to_shape(model, pixel, measured - pixel.depth_m, shape);
+  }
+  constexpr double kFlat = 0.75;  // of 1; a tube of four times the radius
+  return shape.slope() > kFlat && shape.slope() - 2.0 * shape.slope_sigma() > kFlat - 0.2;
 }
 
 /// A short straight piece of tube at a peak: first where it lies, then how thick it is. Empty where the image does not
@@ -82,15 +98,17 @@ std::optional<FoundTube> fit_seed(const HeightMap& map, const TrackerConfig& con
   options.radius_min_m = 0.5 * config.radius_min_m;
   options.radius_max_m = 1.5 * config.radius_max_m;
   const int stride = seed_stride(map, seed, model.radius_m);
-  for (const double gate_radii : {0.5, 0.3, 0.2, 0.15}) {
-    options.radius_m = gate_radii > 0.4 ? model.radius_m : config.radius_m;
-    const auto pixels = predict_pixels(map, config.noise, model, stride);
-    const auto observations = select_observations(map, config.noise, pixels, gate_radii * model.radius_m, 3.0);
+  constexpr std::array<double, 4> kGatesRadii{0.5, 0.3, 0.2, 0.15};
+  for (const double gate_radii : kGatesRadii) {
+    options.radius_m = gate_radii == kGatesRadii[0] ? model.radius_m : config.radius_m;
+    predict_pixels(map, config.noise, model, stride, found.pixels);
+    if (gate_radii == kGatesRadii[1] && !config.radius_m && is_flat(map, model, found.pixels)) return std::nullopt;
+    const auto observations = select_observations(map, config.noise, found.pixels, gate_radii * model.radius_m, 3.0);
     options.want_covariance = false;
     if (!fit_tube(model, observations, options)) return std::nullopt;
   }
   found.extent = {0.0, model.spline.spans()};
-  found.pixels = predict_pixels(map, config.noise, model, stride);
+  predict_pixels(map, config.noise, model, stride, found.pixels);
   const auto stations = stations_of(map, model, found.pixels, station_length_m(map, model));
   found.evidence = surface_evidence(map, config.noise, model, found.pixels, stations, found.extent);
   const Evidence& e = found.evidence;
@@ -116,6 +134,7 @@ struct Rounds {
   int at_most = 40;
   double max_gap_radii = 4.0;  ///< hidden stretches that it may cross
   double suppleness = 1.0;
+  double length_m = 0.0;  ///< what it was found to be before
 };
 
 /// Looks how far the image confirms the tube, fits to that part alone, lengthens or shortens it, until it stays. What
@@ -131,20 +150,21 @@ std::optional<FoundTube> grow_until_settled(const HeightMap& map, const TrackerC
   options.radius_max_m = 1.5 * config.radius_max_m;
   std::vector<Station> stations;
   look(map, config, stride, rounds.max_gap_radii, found);
-  double length_before_m = 0.0;
+  double length_before_m = rounds.length_m;
   int swings = 0;
   for (int round = 0; round < rounds.at_most; ++round) {
     if (found.extent.t_end <= found.extent.t_begin) return std::nullopt;
     const double gate_m = (round == 0 ? 0.2 : 0.1) * found.model.radius_m;
     const auto observations = select_observations(map, config.noise, found.pixels, gate_m, 4.0, found.extent);
     // A short piece can't tell a bend from what lies beside it.
-    const double confirmed_m = (found.extent.t_end - found.extent.t_begin) * spacing_m(found.model.spline);
+    const double confirmed_m = length_of(found);
     options.suppleness = confirmed_m < 4.0 * found.model.radius_m ? 0.05 : rounds.suppleness;
+    options.want_covariance = stride == 1;
     auto quality = fit_tube(found.model, observations, options);
     if (!quality) return std::nullopt;
     found.quality = std::move(*quality);
     stations = look(map, config, stride, rounds.max_gap_radii, found);
-    const double length_m = (found.extent.t_end - found.extent.t_begin) * spacing_m(found.model.spline);
+    const double length_m = length_of(found);
     const bool settled = std::abs(length_m - length_before_m) < 0.1 * found.model.radius_m;
     if (round > 3 && length_m < length_before_m - found.model.radius_m && ++swings == kMaxSwings) return std::nullopt;
     if ((settled && round >= rounds.before_settled) || round + 1 == rounds.at_most) break;
@@ -161,20 +181,22 @@ std::optional<FoundTube> grow_until_settled(const HeightMap& map, const TrackerC
 /// A thick tube has more pixels than growing needs: with every so manieth, twenty are left across it.
 int growing_stride(const HeightMap& map, const TubeModel& model) {
   const double depth_m = std::max(point_at(model.spline, 0.5 * model.spline.spans()).z(), 0.05);
-  return std::clamp(static_cast<int>(2.0 * model.radius_m * map.intrinsics.fx_px / depth_m / 20.0), 1, 3);
+  return std::clamp(static_cast<int>(2.0 * model.radius_m * map.intrinsics.fx_px / depth_m / 20.0), 1, 4);
 }
 
 /// Grows to the full length with a part of the pixels, where that is worth it, and then with all.
 std::optional<FoundTube> grow_model(const HeightMap& map, const TrackerConfig& config, TubeModel model) {
   const int stride = growing_stride(map, model);
+  Rounds rounds;
   if (stride > 1) {
     auto coarse = grow_until_settled(map, config, std::move(model), stride, {});
     if (!coarse) return std::nullopt;
     if (hopeless(*coarse, config) && !silhouette_radius_m(coarse->evidence, coarse->model.radius_m))
       return std::nullopt;
+    rounds = {0, 3, rounds.max_gap_radii, rounds.suppleness, length_of(*coarse)};
     model = std::move(coarse->model);
   }
-  auto found = grow_until_settled(map, config, std::move(model), 1, stride > 1 ? Rounds{1, 3} : Rounds{});
+  auto found = grow_until_settled(map, config, std::move(model), 1, rounds);
   if (found && !why_no_surface(*found, config)) {
     look_beside(map, config.noise, found->model, found->extent, found->evidence);
   }
@@ -228,31 +250,34 @@ void go_on_behind(const HeightMap& map, const TrackerConfig& config, FoundTube& 
   cut_to(longer.spline, tube.extent);
   for (int i = 0; i < kHiddenSpans; ++i) extend(longer.spline, true, true);
   constexpr double kGapRadii = kHiddenSpans * kKnotSpacingRadii;
+  const int stride = growing_stride(map, longer);
   FoundTube ahead;
   ahead.model = longer;
-  look(map, config, 1, kGapRadii, ahead);
+  look(map, config, stride, kGapRadii, ahead);
   const double gain_m = arc_length_m(longer.spline, ahead.extent.t_begin, ahead.extent.t_end) - tube.evidence.length_m;
   if (gain_m < 0.5 * tube.model.radius_m) return;
   TrackerConfig held = config;
   if (tube.held_radius_m) held.radius_m = tube.held_radius_m;
   // Held straight until it is known how far it goes, or the first few pixels beyond bend it.
+  std::optional<FoundTube> whole;
   for (const double suppleness : {0.1, 1.0}) {
-    const Rounds rounds{1, 8, kGapRadii, suppleness};
-    auto whole = grow_until_settled(map, held, std::move(longer), 1, rounds);
+    const Rounds rounds{1, 8, kGapRadii, suppleness, whole ? length_of(*whole) : 0.0};
+    whole = grow_until_settled(map, held, std::move(longer), suppleness < 1.0 ? stride : 1, rounds);
     if (!whole || whole->evidence.length_m < tube.evidence.length_m + 0.5 * tube.model.radius_m) return;
     if (whole->evidence.noise_ratio > 1.25 * tube.evidence.noise_ratio) return;
-    look_beside(map, config.noise, whole->model, whole->extent, whole->evidence);
-    if (why_no_tube(*whole, config)) return;
     longer = whole->model;
-    whole->held_radius_m = tube.held_radius_m;
-    if (suppleness == 1.0) tube = std::move(*whole);
   }
+  look_beside(map, config.noise, whole->model, whole->extent, whole->evidence);
+  if (why_no_tube(*whole, config)) return;
+  whole->held_radius_m = tube.held_radius_m;
+  tube = std::move(*whole);
 }
 
 void fit_again(const HeightMap& map, const TrackerConfig& config, FoundTube& tube) {
   TrackerConfig held = config;
   if (tube.held_radius_m) held.radius_m = tube.held_radius_m;
-  auto again = grow_until_settled(map, held, tube.model, 1, {2, 4, kHiddenSpans * kKnotSpacingRadii, 1.0});
+  const Rounds rounds{0, 4, kHiddenSpans * kKnotSpacingRadii, 1.0, length_of(tube)};
+  auto again = grow_until_settled(map, held, tube.model, 1, rounds);
   if (!again || again->evidence.length_m < 0.8 * tube.evidence.length_m) return;
   look_beside(map, config.noise, again->model, again->extent, again->evidence);
   if (why_no_tube(*again, config)) return;
