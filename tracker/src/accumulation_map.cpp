@@ -86,7 +86,6 @@ AccumulationMap::Block& AccumulationMap::take_block(const VoxelIndex& key) {
     Block& fresh = blocks_[static_cast<std::size_t>(at)];
     fresh.key = key;
     fresh.filled = 0;
-    fresh.shared = 0;
     fresh.changed = false;
   }
   Block& block = blocks_[static_cast<std::size_t>(at)];
@@ -118,7 +117,6 @@ void AccumulationMap::vote(Block& block, int bit, const Voxel& one) {
   const Voxel& now = voxels_[place];
   votes_[place] = now.votes;
   block.filled |= mask;
-  block.shared = now.votes > 1 ? block.shared | mask : block.shared & ~mask;
   if (now.votes == 0 && now == Voxel{}) {
     block.filled &= ~mask;
     free_voxels_.push_back(place);

@@ -79,7 +79,6 @@ class AccumulationMap {
   struct Block {
     VoxelIndex key;
     std::uint64_t filled = 0;                      ///< a bit for each voxel that is not all 0
-    std::uint64_t shared = 0;                      ///< for each with more than one vote
     bool changed = false;                          ///< since the last peaks; then it is among `changed_`
     bool stale = false;                            ///< while they are looked for: it or a block beside it changed
     std::array<std::uint32_t, 4 * 4 * 4> place{};  ///< where in `voxels_` the filled ones are
