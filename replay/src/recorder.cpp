@@ -7,8 +7,8 @@
 #include <cerrno>
 #include <cstring>
 
-#include "tubetrack/replay/camera_info.hpp"
 #include "image_file.hpp"
+#include "tubetrack/replay/camera_info.hpp"
 
 namespace tubetrack {
 

@@ -49,5 +49,44 @@ TEST(Summary, FitsOnAPageWithAnyNumberOfTubes) {
   EXPECT_THAT(text, HasSubstr("and 480 more"));
 }
 
+TEST(Summary, ALiveRunTellsItsLossesItsLatencyAndWhoDropped) {
+  RunSummary summary;
+  TubeFrame frame = frame_with(0, TrackStatus::ok, {1});
+  frame.dropped = 5;
+  add_frame(summary, frame);
+  summary.live.result_ms.add(12.5F);
+  summary.live.jitter_ms.add(0.75F);
+  summary.live.device_dropped = 3;
+  summary.live.losses = 2;
+  summary.live.lost_s = 7.5;
+  const std::string text = summary_text(summary);
+  EXPECT_THAT(text, HasSubstr("dropped 5 (3 by the device), lost 2 times for 7.5 s in all\n"));
+  EXPECT_THAT(text, HasSubstr("to result       12.50    12.50\n"));
+  EXPECT_THAT(text, HasSubstr("jitter           0.75     0.75\n"));
+}
+
+TEST(Summary, ForgetsTubesThatWereHardlySeenAndCountsThem) {
+  RunSummary summary;
+  for (std::int64_t id = 0; id < 5000; ++id) {
+    add_frame(summary, frame_with(id, TrackStatus::ok,
+                                  id % 2 == 0 ? std::vector<std::int64_t>{id, 0} : std::vector<std::int64_t>{id}));
+  }
+  EXPECT_LE(summary.tubes.size(), 1000U);
+  EXPECT_EQ(static_cast<std::int64_t>(summary.tubes.size()) + summary.tubes_forgotten, 5000);
+  EXPECT_EQ(summary.tubes.count(0), 1U) << "the one that was seen the longest";
+}
+
+TEST(Quantiles, AreExactForFewValuesAndNearForMany) {
+  Quantiles few;
+  for (int i = 1; i <= 100; ++i) few.add(static_cast<float>(i));
+  EXPECT_EQ(few.at(0.5), 50.0);
+  EXPECT_EQ(few.at(0.99), 99.0);
+  EXPECT_EQ(Quantiles().at(0.5), 0.0);
+  Quantiles many(512);
+  for (int i = 0; i < 100000; ++i) many.add(static_cast<float>(i));
+  EXPECT_NEAR(many.at(0.5), 50000.0, 500.0);
+  EXPECT_NEAR(many.at(0.99), 99000.0, 500.0);
+}
+
 }  // namespace
 }  // namespace tubetrack
