@@ -98,18 +98,6 @@ double explained(const ScanTube& tube) {
   return sum * tube.evidence.support;
 }
 
-/// Whether a tube runs mostly inside another: made of what that one left over where it is not round.
-bool lies_inside(const ScanTube& tube, const ScanTube& other) {
-  const double radius_m = other.line.model.radius_m;
-  std::vector<Eigen::Vector3d> axis_m;
-  for (double t = other.evidence.t_begin; t <= other.evidence.t_end; t += 0.5)
-    axis_m.push_back(point_at(other.line.model.spline, t));
-  int inside = 0, all = 0;
-  for (double t = tube.evidence.t_begin; t <= tube.evidence.t_end; t += 0.5, ++all)
-    inside += lies_near(axis_m, point_at(tube.line.model.spline, t), 0.9 * radius_m) ? 1 : 0;
-  return 2 * inside > all;
-}
-
 /// Tubes fitted to all surfels, the candidate that explains most first; each surfel belongs to one.
 std::vector<ScanTube> chosen(std::vector<ScanTube> candidates, std::span<const Surfel> surfels,
                              const ScanTubesConfig& config) {
@@ -120,8 +108,6 @@ std::vector<ScanTube> chosen(std::vector<ScanTube> candidates, std::span<const S
   for (ScanTube& tube : candidates) {
     if (!refine_scan_tube({surfels, taken, config.grid_step_m}, config, tube)) continue;
     if (!radius_in_range(tube.line.model.radius_m, config)) continue;
-    if (std::any_of(tubes.begin(), tubes.end(), [&](const ScanTube& other) { return lies_inside(tube, other); }))
-      continue;
     take(surfels, tube, config.grid_step_m, taken);
     tubes.push_back(std::move(tube));
   }
