@@ -52,7 +52,8 @@ class PieceGrid {
     }
   }
 
-  /// From the nearest surface; NaN where none is near.
+  /// From the surface of all tubes together, NaN where none is near. Signed until the last: inside, a piece farther
+  /// along may have its surface nearer, but that is no surface of the tube.
   double distance(const Eigen::Vector3d& point_m) const {
     double least = std::numeric_limits<double>::quiet_NaN();
     if (!(cell_m_ > 0.0)) return least;
@@ -64,10 +65,10 @@ class PieceGrid {
       const double share = squared > 0.0 ? (point_m - piece.from_m).dot(piece.along_m) / squared : 0.0;
       const double axis_m = (piece.from_m + std::clamp(share, 0.0, 1.0) * piece.along_m - point_m).norm();
       if (axis_m > kFarthestRadii * piece.radius_m) continue;
-      const double off_m = std::abs(axis_m - piece.radius_m);
-      if (!(off_m >= least)) least = off_m;
+      const double outside_m = axis_m - piece.radius_m;
+      if (!(outside_m >= least)) least = outside_m;
     }
-    return least;
+    return std::abs(least);
   }
 
  private:

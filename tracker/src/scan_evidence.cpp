@@ -268,10 +268,11 @@ std::optional<std::string> why_no_scan_tube(const ScanEvidence& evidence, double
   if (evidence.support < kLeastSupport) return fmt::format("{:.2f} of the surface agrees", evidence.support);
   if (evidence.profile_rms_radii > out_of_round)
     return fmt::format("{:.3f} radii out of round", evidence.profile_rms_radii);
-  // A true surface scatters less than its surfels are apart; what scatters more, and is seen from one side only, may be
-  // anything that is round by and large.
-  constexpr double kMostScatter = 0.04;
-  if (!all_around && evidence.scale_radii > std::max(kMostScatter, evidence.spacing_radii))
+  // A true surface scatters less than its surfels are apart; what scatters more may be anything that is round by and
+  // large.
+  constexpr double kMostScatter = 0.04, kOvalSpacings = 1.2;
+  const double spacings = (all_around ? kOvalSpacings : 1.0) * evidence.spacing_radii;
+  if (evidence.scale_radii > std::max(kMostScatter, spacings))
     return fmt::format("scatters by {:.3f} radii", evidence.scale_radii);
   if (std::abs(evidence.taper) > kMostTaper) return fmt::format("tapers by {:.3f}", evidence.taper);
   return std::nullopt;
