@@ -18,7 +18,6 @@ constexpr double kRestChi2 = 30.0;      // 6 degrees of freedom: once in 25,000 
 constexpr int kFramesToComeToRest = 6;  // long enough for 1 mm/s to show
 constexpr double kEndTrim = 0.6;        // spans
 constexpr double kRoundness = 3e-4;
-constexpr double kFar = 0.2;     // radii: a motion so far off what was expected is asked for a second time
 constexpr double kStale = 0.02;  // radii: so far a model may have moved from the one whose pixels were predicted
 
 FitOptions fit_options(const TrackerConfig& config, const FollowedTube& tube, const Information* prior) {
@@ -34,9 +33,8 @@ double inverse(double value) {
   return value > 0.0 ? 1.0 / value : 0.0;
 }
 
-void predict(FollowedTube& tube, const HeightMap& map, const TrackerConfig& config, const TubeModel& model,
-             int stride = 1) {
-  predict_pixels(map, config.noise, model, stride, tube.pixels);
+void predict(FollowedTube& tube, const HeightMap& map, const TrackerConfig& config, const TubeModel& model) {
+  predict_pixels(map, config.noise, model, 1, tube.pixels);
 }
 
 /// Observations of the stretch that is known, short of its ends: what lies there may be the end's own face, or what it
@@ -59,28 +57,11 @@ std::optional<MotionEstimate> place(const FollowedTube& tube, const HeightMap& m
   return estimate_motion(model, eq.observed, eq.observed_right, tube.radius_information);
 }
 
-/// How far a step took what is in sight.
-double moved_m(const TubeModel& from, const TubeModel& to, const Extent& extent) {
-  constexpr double kSteps = 16;
-  double farthest = std::abs(to.radius_m - from.radius_m);
-  for (double i = 0; i <= kSteps; ++i) {
-    const double t = extent.t_begin + (extent.t_end - extent.t_begin) * i / kSteps;
-    farthest = std::max(farthest, (point_at(to.spline, t) - point_at(from.spline, t)).norm());
-  }
-  return farthest;
-}
-
-/// Where a tube in motion is needs a part of its pixels: of a thick one every other in either direction.
-int moving_stride(const FollowedTube& tube, const HeightMap& map) {
-  const double depth_m = std::max(point_at(tube.model.spline, 0.5 * tube.model.spline.spans()).z(), 0.05);
-  return 2.0 * tube.model.radius_m * map.intrinsics.fx_px > 20.0 * depth_m ? 2 : 1;
-}
-
 /// Goes over from rest to motion and back. `model` starts where the tube is expected and ends where the frame sees it,
 /// with its pixels predicted.
 bool judge_motion(FollowedTube& tube, const HeightMap& map, const TrackerConfig& config, TubeModel& model,
                   double elapsed_s) {
-  predict(tube, map, config, model, tube.at_rest ? 1 : moving_stride(tube, map));
+  predict(tube, map, config, model);
   const auto first = place(tube, map, config, model, 0.5);
   if (!first) return false;
   if (tube.at_rest) {
@@ -89,21 +70,15 @@ bool judge_motion(FollowedTube& tube, const HeightMap& map, const TrackerConfig&
     tube.frames_pooled = 0;
     tube.anchor = tube.model;
   }
-  const TubeModel expected = model;
   move(model, first->twist);
   predict(tube, map, config, model);
-  Twist whole = first->twist;
-  if (moved_m(expected, model, tube.extent) > kFar * model.radius_m) {
-    const auto second = place(tube, map, config, model, 0.25);
-    if (!second) return false;
-    move(model, second->twist);
-    predict(tube, map, config, model);
-    whole.shift_m += second->twist.shift_m;
-    whole.turn_rad += second->twist.turn_rad;
-  }
+  const auto second = place(tube, map, config, model, 0.25);
+  if (!second) return false;
+  move(model, second->twist);
+  predict(tube, map, config, model);
   if (elapsed_s > 0.0) {
-    tube.velocity.shift_m_s += 0.6 * whole.shift_m / elapsed_s;
-    tube.velocity.turn_rad_s += 0.6 * whole.turn_rad / elapsed_s;
+    tube.velocity.shift_m_s += 0.6 * (first->twist.shift_m + second->twist.shift_m) / elapsed_s;
+    tube.velocity.turn_rad_s += 0.6 * (first->twist.turn_rad + second->twist.turn_rad) / elapsed_s;
   }
   return true;
 }
@@ -158,6 +133,17 @@ bool fit_to_frame(FollowedTube& tube, const HeightMap& map, const TrackerConfig&
   return true;
 }
 
+/// How far a step took what is in sight.
+double moved_m(const TubeModel& from, const TubeModel& to, const Extent& extent) {
+  constexpr double kSteps = 16;
+  double farthest = std::abs(to.radius_m - from.radius_m);
+  for (double i = 0; i <= kSteps; ++i) {
+    const double t = extent.t_begin + (extent.t_end - extent.t_begin) * i / kSteps;
+    farthest = std::max(farthest, (point_at(to.spline, t) - point_at(from.spline, t)).norm());
+  }
+  return farthest;
+}
+
 /// What the tube's pixels, which are predicted, say of its stations, extent, support and state.
 void look(FollowedTube& tube, const HeightMap& map) {
   const double station_m = station_length_m(map, tube.model);
@@ -179,32 +165,13 @@ void look(FollowedTube& tube, const HeightMap& map) {
   tube.state = enough ? TubeState::tracked : 2 * unknown > all && all > 0 ? TubeState::occluded : TubeState::lost;
 }
 
-/// A copy but for pixels and stations, which are large.
-FollowedTube without_sight(FollowedTube& tube) {
-  auto pixels = std::move(tube.pixels);
-  auto stations = std::move(tube.stations);
-  FollowedTube copy = tube;
-  tube.pixels = std::move(pixels);
-  tube.stations = std::move(stations);
-  return copy;
-}
-
-/// Does the image confirm more of it than its extent, as the model is?
-bool sees_more(FollowedTube tube, const HeightMap& map, const TrackerConfig& config) {
-  const Extent before = tube.extent;
-  predict(tube, map, config, tube.model);
-  look(tube, map);
-  return tube.extent.t_end - tube.extent.t_begin > before.t_end - before.t_begin + 0.3;
-}
-
 /// Goes on along what the image confirms until there is no more, or none without a bend that no tube has.
 void lengthen(FollowedTube& tube, const HeightMap& map, const TrackerConfig& config) {
   constexpr int kMaxRounds = 40;
   int stalled = 0;
   for (int round = 0; round < kMaxRounds && stalled < 3; ++round) {
-    FollowedTube longer = without_sight(tube);
+    FollowedTube longer = tube;
     fit_spline_to_extent(longer);
-    if (round == 0 && !sees_more(longer, map, config)) return;
     if (!fit_to_frame(longer, map, config, longer.model)) return;
     predict(longer, map, config, longer.model);
     look(longer, map);
@@ -225,6 +192,16 @@ void pool_first_frame(FollowedTube& tube) {
   start_pool(tube);
   tube.pooled = no_information(tube.model);  // the radius is in what was observed
   add_to_pool(tube);
+}
+
+/// A copy but for pixels and stations, which are large.
+FollowedTube without_sight(FollowedTube& tube) {
+  auto pixels = std::move(tube.pixels);
+  auto stations = std::move(tube.stations);
+  FollowedTube copy = tube;
+  tube.pixels = std::move(pixels);
+  tube.stations = std::move(stations);
+  return copy;
 }
 
 /// Not seen where it is expected: it stays as it was before this frame, but there.
