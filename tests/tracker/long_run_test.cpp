@@ -81,7 +81,7 @@ TEST_P(LongRun, FindsItsTubeInEveryFrameAndNeedsNoMoreMemoryInTheEnd) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Presets, LongRun, ::testing::Values("moving-tube", "moving-camera"),
-                         [](const auto& info) { return info.index == 0 ? "MovingTube" : "MovingCamera"; });
+                         [](const auto& preset) { return preset.index == 0 ? "MovingTube" : "MovingCamera"; });
 
 }  // namespace
 }  // namespace tubetrack
