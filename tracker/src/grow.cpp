@@ -67,10 +67,10 @@ std::optional<double> silhouette_radius_m(const Evidence& e, double radius_m) {
   return reach * radius_m;
 }
 
-/// So that a seed has some hundreds of pixels at most: enough to tell whether it is worth growing.
+/// So that a seed has some thousands of pixels at most: enough to tell whether it is worth growing.
 int seed_stride(const HeightMap& map, const Seed& seed, double radius_m) {
   const double side_px = 2.0 * radius_m * map.intrinsics.fx_px / std::max(seed.center_m.z(), 0.05);
-  return std::max(1, static_cast<int>(side_px / 24.0));
+  return std::max(1, static_cast<int>(side_px / 45.0));
 }
 
 /// Is what is seen there nearly as flat as a plane? Then it is no tube of anything like that radius.
@@ -193,7 +193,7 @@ std::optional<FoundTube> grow_model(const HeightMap& map, const TrackerConfig& c
     if (!coarse) return std::nullopt;
     if (hopeless(*coarse, config) && !silhouette_radius_m(coarse->evidence, coarse->model.radius_m))
       return std::nullopt;
-    rounds = {0, 3, rounds.max_gap_radii, rounds.suppleness, length_of(*coarse)};
+    rounds = {1, 3};
     model = std::move(coarse->model);
   }
   auto found = grow_until_settled(map, config, std::move(model), 1, rounds);
@@ -276,7 +276,7 @@ void go_on_behind(const HeightMap& map, const TrackerConfig& config, FoundTube& 
 void fit_again(const HeightMap& map, const TrackerConfig& config, FoundTube& tube) {
   TrackerConfig held = config;
   if (tube.held_radius_m) held.radius_m = tube.held_radius_m;
-  const Rounds rounds{0, 4, kHiddenSpans * kKnotSpacingRadii, 1.0, length_of(tube)};
+  const Rounds rounds{2, 4, kHiddenSpans * kKnotSpacingRadii, 1.0};
   auto again = grow_until_settled(map, held, tube.model, 1, rounds);
   if (!again || again->evidence.length_m < 0.8 * tube.evidence.length_m) return;
   look_beside(map, config.noise, again->model, again->extent, again->evidence);
