@@ -39,6 +39,7 @@ class Stream {
     Scene scene = *load_scene(preset);
     Intrinsics& in = scene.camera;
     in = {in.width / 2, in.height / 2, in.fx_px / 2, in.fy_px / 2, in.cx_px / 2 - 0.25, in.cy_px / 2 - 0.25, {}};
+    for (SceneTube& tube : scene.tubes) tube.radius_m = std::max(tube.radius_m, 0.02);  // 14 pixels wide even so
     for (int i = 0; i < kFrames; ++i) frames_.push_back(render_frame(scene, i, {}));
     camera_ = in;
   }
