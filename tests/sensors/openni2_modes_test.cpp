@@ -1,11 +1,13 @@
 // What an OpenNI2 device can be set to, against the real runtime with the virtual device: modes, units, mirroring,
 // cropping, where intrinsics come from; and .oni files.
+#include <dlfcn.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <algorithm>
 #include <array>
 #include <cstdint>
+#include <cstdlib>
 #include <fstream>
 #include <iterator>
 #include <string>
@@ -113,6 +115,16 @@ TEST_F(OpenNi2Modes, ACalibrationIsUsedWholeAndOneOfAnotherSizeIsRefused) {
 }
 
 class OniFile : public OpenNi2Modes {
+ public:
+  /// The runtime's driver is kept loaded to the end, so that what its player loses is reported with its name
+  /// (lsan.supp).
+  static void SetUpTestSuite() {
+    const char* path = std::getenv("LD_LIBRARY_PATH");
+    const std::string folders = path ? path : "";
+    dlopen((folders.substr(0, folders.find(':')) + "/OpenNI2/Drivers/libOniFile.so.0").c_str(),
+           RTLD_NOW | RTLD_NODELETE);
+  }
+
  protected:
   /// What the codec keeps exactly: few different values, and the last pixels alike.
   void make_recordable() {
