@@ -12,7 +12,7 @@ namespace {
 
 constexpr const char* kFooter =
     R"(RECORDING is a folder in TUM form (depth.txt, camera_info.yaml, and groundtruth.txt where the camera moves), a bare
-folder of 16-bit PNG, TIFF or PGM images, or a BOP scene.
+folder of 16-bit PNG, TIFF or PGM images, a BOP scene, or an OpenNI2 file (.oni).
 
 Results: one JSON object a frame and line, keys in docs/output.schema.json. Exit codes: 0 done, 1 it failed while
 running, 2 wrong usage, 130 ended by Ctrl-C (the lines written so far are whole).

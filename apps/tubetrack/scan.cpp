@@ -1,5 +1,6 @@
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <chrono>
 #include <memory>
 
@@ -162,6 +163,7 @@ Expected<void> run_scan(const ScanFlags& flags) {
   std::optional<double> step_m;
   if (auto read = read_length("--grid-step", flags.grid_step, "metres, above 0, like 0.001", step_m); !read)
     return read;
+  if (auto checked = check_scan_outputs(flags.outputs, flags.out, flags.file); !checked) return checked;
   const auto begin = std::chrono::steady_clock::now();
   Scan scan;
   if (auto read = read_scan(flags.file, *options)) {
@@ -189,7 +191,13 @@ Expected<void> run_scan(const ScanFlags& flags) {
         fmt::format("{}: no tube of radius {:.4g} to {:.4g} m found; check --unit, or give --radius-range", flags.file,
                     config.radius_m.value_or(config.radius_min_m), config.radius_m.value_or(config.radius_max_m))));
   }
-  if (!flags.quiet) print_tubes(frame);
+  if (!flags.quiet) {
+    print_tubes(frame);
+    const bool table = std::ranges::any_of(frame.tubes, [](const Tube& tube) { return !tube.bend_table.lra.empty(); });
+    if (!table && !(flags.outputs.lra.empty() && flags.outputs.xyz.empty()))
+      fmt::print(stderr,
+                 "note: --xyz, --lra: no tube has a bend table; each has a part that is neither straight nor toric\n");
+  }
   return write_scan_outputs(flags.outputs, scan, surfels, frame.tubes);
 }
 

@@ -1,12 +1,19 @@
 #include "scan_outputs.hpp"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <cstring>
+#include <filesystem>
 #include <fstream>
+#include <map>
+#include <system_error>
 #include <tuple>
+#include <vector>
 
+#include "flag_values.hpp"
 #include "tubetrack/report/scan_picture.hpp"
 #include "tubetrack/report/surface_mesh.hpp"
 #include "tubetrack/report/tube_tables.hpp"
@@ -89,6 +96,38 @@ void add_scan_output_flags(CLI::App& command, ScanOutputs& outputs) {
   option("--error-map", outputs.error_map, "the input coloured by its distance to the tubes; prints a summary of it",
          "FILE.ply");
   option("--picture", outputs.picture, "a picture of the input coloured so, and of the tubes beside it", "FILE.png");
+}
+
+Expected<void> check_scan_outputs(const ScanOutputs& outputs, const std::string& out, const std::string& input) {
+  namespace fs = std::filesystem;
+  struct Output {
+    const char* flag;
+    const std::string& path;
+    std::vector<std::string_view> extensions;  // empty: any
+  };
+  const Output all[] = {{"--out", out, {}},
+                        {"--centerline", outputs.centerline, {".csv"}},
+                        {"--xyz", outputs.xyz, {".csv"}},
+                        {"--lra", outputs.lra, {".csv"}},
+                        {"--vtk", outputs.vtk, {".vtk"}},
+                        {"--mesh", outputs.mesh, {".ply", ".obj", ".stl"}},
+                        {"--error-map", outputs.error_map, {".ply"}},
+                        {"--picture", outputs.picture, {".png"}}};
+  std::error_code ignored;
+  std::map<fs::path, const char*> taken{{fs::weakly_canonical(input, ignored), "the scan itself"}};
+  for (const auto& [flag, path, extensions] : all) {
+    if (path.empty()) continue;
+    const fs::path file = fs::weakly_canonical(path, ignored);
+    if (!extensions.empty() && std::ranges::find(extensions, file.extension().string()) == extensions.end())
+      return malformed(flag, path, fmt::format("a name that ends in {}", fmt::join(extensions, ", ")));
+    if (!fs::is_directory(fs::absolute(file, ignored).parent_path(), ignored) || fs::is_directory(file, ignored))
+      return malformed(flag, path, "a file in an existing folder");
+    const auto [other, fresh] = taken.emplace(file, flag);
+    if (fresh || path == "/dev/null") continue;
+    return tl::make_unexpected(
+        Error::usage(fmt::format("{} {}: is {} too; give another name", flag, path, other->second)));
+  }
+  return {};
 }
 
 Expected<void> write_scan_outputs(const ScanOutputs& outputs, const Scan& scan, std::span<const Surfel> surfels,

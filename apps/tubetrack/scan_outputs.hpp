@@ -16,6 +16,10 @@ struct ScanOutputs {
 };
 void add_scan_output_flags(CLI::App& command, ScanOutputs& outputs);
 
+/// Before any work: names with the extension that the flag takes, in existing folders, none twice and none the input.
+/// `out` is where the JSON line goes, empty: stdout.
+Expected<void> check_scan_outputs(const ScanOutputs& outputs, const std::string& out, const std::string& input);
+
 /// Tubes and scan in metres, in the file's frame but for `scan.origin_m`, which is added. The summary of the error map
 /// goes to stderr. The error names the flag or the file.
 Expected<void> write_scan_outputs(const ScanOutputs& outputs, const Scan& scan, std::span<const Surfel> surfels,

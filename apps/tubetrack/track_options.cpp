@@ -119,7 +119,9 @@ void add_tracker_flags(CLI::App& command, TrackOptions& options) {
                   "the sensor's noise: kinect1, stereo, tof, synthetic, or a file of `tubetrack calibrate-noise`")
       ->type_name("NAME|FILE");
   command.add_option("--map", options.map, "the height map's grid: image (the depth pixels)")->type_name("image");
-  command.add_option("--threads", options.threads, "threads to track with; results do not depend on it")
+  command
+      .add_option("--threads", options.threads,
+                  "threads to track with (this version uses one whatever is said); results do not depend on it")
       ->type_name("N");
   command.add_option("--config", options.config, "settings from a JSON file; flags win over it")->type_name("FILE");
   command.add_flag("--print-config", options.print_config,
@@ -200,7 +202,9 @@ RunOptions run_options_from(const TrackOptions& options, const TrackerConfig& co
 void add_recording_flags(CLI::App& command, RecordingFlags& flags) {
   command.add_option("--frames", flags.frames, "only frames A to B−1, counted from 0; A or B may be left out")
       ->type_name("A:B");
-  command.add_option("--intrinsics", flags.intrinsics, "the camera, in pixels, where the recording does not say")
+  command
+      .add_option("--intrinsics", flags.intrinsics,
+                  "the camera, in pixels, where the recording does not say (of a device also a camera_info.yaml)")
       ->type_name("FX,FY,CX,CY");
   command.add_option("--depth-scale", flags.depth_scale, "metres of one depth unit: 0.001 for millimetres")
       ->type_name("S");

@@ -73,7 +73,7 @@ void append_times(std::string& text, const RunSummary& summary) {
 }  // namespace
 
 bool is_bad(TrackStatus status) {
-  return status == TrackStatus::corrupt || status == TrackStatus::no_pose || status == TrackStatus::deadline;
+  return status == TrackStatus::corrupt || status == TrackStatus::no_pose;
 }
 
 void add_frame(RunSummary& summary, const TubeFrame& frame) {
@@ -83,6 +83,7 @@ void add_frame(RunSummary& summary, const TubeFrame& frame) {
     ++summary.bad[frame.status];
     return;
   }
+  summary.late += frame.status == TrackStatus::deadline ? 1 : 0;
   summary.frames_with_tubes += frame.tubes.empty() ? 0 : 1;
   summary.latency_ms.add(static_cast<float>(frame.latency_ms));
   for (std::size_t i = 0; i < summary.stages_ms.size(); ++i) {
@@ -108,6 +109,7 @@ std::string summary_text(const RunSummary& summary) {
   std::string text =
       fmt::format("frames {}, with tubes {}, bad {}", summary.frames, summary.frames_with_tubes, bad_frames(summary));
   for (const auto& [status, frames] : summary.bad) text += fmt::format(" ({} {})", frames, status_name(status));
+  if (summary.late > 0) text += fmt::format(", past the deadline {}", summary.late);
   text += fmt::format(", dropped {}", summary.dropped);
   const LiveFigures& live = summary.live;
   if (!live.result_ms.empty()) text += fmt::format(" ({} by the device)", live.device_dropped);

@@ -3,6 +3,10 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cerrno>
+#include <cstring>
+#include <filesystem>
+#include <fstream>
 #include <system_error>
 #include <thread>
 #include <utility>
@@ -205,8 +209,19 @@ std::string uri_now(const std::string& uri) {
   return alike.size() == 1 ? alike.front() : uri;
 }
 
+/// The runtime's recorder crashes where it can't make its file.
+Expected<void> check_writable(const std::filesystem::path& path) {
+  if (path.empty()) return {};
+  std::error_code ignored;
+  const bool folder = std::filesystem::is_directory(path, ignored);
+  if (!folder && std::ofstream(path, std::ios::app)) return {};
+  return tl::make_unexpected(Error::usage(fmt::format("{}: {}; give a file in an existing folder", path.string(),
+                                                      folder ? "is a folder" : std::strerror(errno))));
+}
+
 Expected<std::unique_ptr<FrameSource>> open_with(std::shared_ptr<OpenNi2Runtime> runtime, const std::string& uri,
                                                  const OpenNi2Options& options) {
+  if (auto writable = check_writable(options.record_oni); !writable) return tl::make_unexpected(writable.error());
   auto source = std::make_unique<OpenNi2Source>(std::move(runtime), uri);
   if (auto started = source->start(options); !started) return tl::make_unexpected(started.error());
   return source;

@@ -133,6 +133,10 @@ TEST_F(Live, WrongUseIsExitCode2InOneLineThatNamesTheFlag) {
     EXPECT_EQ(run(arguments), 2) << errors();
     return errors();
   };
+  EXPECT_THAT(refused({"record", folder_ / "nowhere" / "a.oni"}),
+              HasSubstr("a.oni: No such file or directory; give a file"));
+  EXPECT_THAT(refused({"live", "--record", folder_ / "nowhere" / "a.oni"}),
+              HasSubstr("give a file in an existing folder"));
   EXPECT_EQ(refused({"live", "--deadline-ms", "5ms"}), "tubetrack: --deadline-ms 5ms: takes milliseconds, like 20\n");
   EXPECT_EQ(refused({"live", "--deadline-ms", "0"}),
             "tubetrack: --deadline-ms 0: deadline_ms: got 0, takes milliseconds, 0.01 to 1000000\n");

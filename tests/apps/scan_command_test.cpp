@@ -77,7 +77,10 @@ TEST_F(ScanCommand, WrongUsageIsNamedAndEndsWithTwo) {
       {{file, "--radius-range", "0.02:0.01"}, "--radius-range 0.02:0.01: takes MIN:MAX"},
       {{file, "--grid-step", "x"}, "--grid-step x: takes metres"},
       {{file, "--out", "/nowhere/a.jsonl"}, "--out /nowhere/a.jsonl: "},
-      {{file, "--mesh", path("a.xyz")}, "takes .ply, .obj or .stl"},
+      {{file, "--mesh", path("a.xyz")}, "a.xyz: takes a name that ends in .ply, .obj, .stl"},
+      {{file, "--picture", path("a.jpg")}, "--picture " + path("a.jpg") + ": takes a name that ends in .png"},
+      {{file, "--out", file}, "--out " + file + ": is the scan itself too; give another name"},
+      {{file, "--xyz", path("a.csv"), "--lra", path("a.csv")}, "is --xyz too; give another name"},
       {{file, "--lra", "/nowhere/a.csv"}, "--lra /nowhere/a.csv: "},
       {{path("none.off")}, "no such file"},
       {{path("")}, "is a folder"}};
@@ -85,7 +88,9 @@ TEST_F(ScanCommand, WrongUsageIsNamedAndEndsWithTwo) {
     const ProgramEnd end = scan(arguments);
     EXPECT_EQ(end.exit_code, 2) << message;
     EXPECT_THAT(end.err, HasSubstr(message));
+    EXPECT_EQ(end.out, "") << "before any work";
   }
+  EXPECT_EQ(read_text(file), off_text(bent_pipe())) << "the scan is as it was";
 }
 
 TEST_F(ScanCommand, FilesThatAreNoGoodGiveOneLineAndEndWithOne) {

@@ -22,6 +22,13 @@ TubeFrame frame_with(std::int64_t number, TrackStatus status, std::vector<std::i
   return frame;
 }
 
+TEST(Summary, AFrameWhoseTimeWasOverIsNotBadAndItsTubesCount) {
+  RunSummary summary;
+  add_frame(summary, frame_with(0, TrackStatus::deadline, {1}));
+  EXPECT_EQ(bad_frames(summary), 0);
+  EXPECT_THAT(summary_text(summary), HasSubstr("frames 1, with tubes 1, bad 0, past the deadline 1, dropped 0\n"));
+}
+
 TEST(Summary, CountsFramesTubesAndTimes) {
   RunSummary summary;
   add_frame(summary, frame_with(0, TrackStatus::ok, {1}));

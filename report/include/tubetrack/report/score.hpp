@@ -60,7 +60,7 @@ struct Score {
   TubeScore total;
   BendErrors bends;  ///< of all frames scored
   std::int64_t frames_scored = 0;
-  std::int64_t frames_bad = 0;      ///< corrupt, no_pose, deadline: not scored
+  std::int64_t frames_bad = 0;      ///< corrupt, no_pose: not scored
   std::int64_t frames_not_run = 0;  ///< truth without a result (dropped, or outside --frames): not scored
   std::int64_t frames_without_truth = 0;
 };

@@ -33,7 +33,8 @@ struct RunSummary {
   std::int64_t frames = 0;
   std::int64_t frames_with_tubes = 0;
   std::int64_t dropped = 0;
-  std::map<TrackStatus, std::int64_t> bad;   ///< corrupt, no_pose, deadline
+  std::int64_t late = 0;  ///< past their deadline: known tubes were followed, new ones were not looked for
+  std::map<TrackStatus, std::int64_t> bad;   ///< corrupt, no_pose
   std::map<std::int64_t, TubeTotals> tubes;  ///< by id
   std::int64_t tubes_forgotten = 0;          ///< beyond the 1000 that were seen the longest
   Quantiles latency_ms;                      ///< frames that were tracked
