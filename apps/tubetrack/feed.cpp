@@ -42,7 +42,8 @@ Expected<QueuedFrame> Feed::next() {
   QueuedFrame item;
   if (!queue_.pop(item, kPatience)) item.outcome = FrameOutcome::timeout;
   // Set by the capturing thread after the error itself and before it pushed device_lost.
-  if (item.outcome == FrameOutcome::device_lost && failed_) return tl::make_unexpected(*on_frame_error_);
+  if (item.outcome == FrameOutcome::device_lost && failed_ && on_frame_error_)
+    return tl::make_unexpected(*on_frame_error_);
   return item;
 }
 

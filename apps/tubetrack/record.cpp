@@ -52,7 +52,7 @@ struct Counts {
 
 Expected<void> write(Target& target, const DepthFrame& frame) {
   if (target.folder) return target.folder->write(frame);
-  target.oni->add(frame);
+  if (target.oni) target.oni->add(frame);
   return {};
 }
 
@@ -114,7 +114,7 @@ Expected<void> record(const RecordOptions& options) {
   if (recorded && counts.frames == 0 && !interrupted()) {
     return tl::make_unexpected(Error::failed(fmt::format("{}: not one frame came", name)));
   }
-  if (!recorded || !oni || counts.frames == 0) return recorded;
+  if (!recorded || !target->oni || counts.frames == 0) return recorded;
   const auto checked = target->oni->read_back();
   if (!checked) return tl::make_unexpected(checked.error());
   if (!options.quiet) fmt::print(stderr, "{}\n", *checked);

@@ -109,7 +109,11 @@ FaultTurn Faults::next_turn() {
   ++frame_;
   FaultTurn turn = std::exchange(next_, {});
   turn.time_shift_s += clock_shift_s_;
-  const auto take_one = [](int& left) { return left > 0 && left-- > 0; };
+  const auto take_one = [](int& left) {
+    if (left == 0) return false;
+    --left;
+    return true;
+  };
   turn.at_once = take_one(burst_left_);
   turn.drop = take_one(drop_left_);
   turn.cut = take_one(cut_left_);

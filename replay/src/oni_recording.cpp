@@ -67,7 +67,8 @@ FrameOutcome OniClip::next(DepthFrame& frame, std::chrono::milliseconds patience
     waiting_ = frame;
   }
   if (!due(*waiting_, patience)) return FrameOutcome::timeout;
-  frame = *std::exchange(waiting_, std::nullopt);
+  frame = *waiting_;
+  waiting_.reset();
   return FrameOutcome::ok;
 }
 
