@@ -110,7 +110,7 @@ FaultTurn Faults::next_turn() {
   FaultTurn turn = std::exchange(next_, {});
   turn.time_shift_s += clock_shift_s_;
   const auto take_one = [](int& left) {
-    if (left == 0) return false;
+    if (left <= 0) return false;
     --left;
     return true;
   };
