@@ -109,7 +109,7 @@ Expected<void> OniFileSource::start(const OpenNi2Options& options) {
 
 FrameOutcome OniFileSource::next(DepthFrame& frame, milliseconds patience) {
   // The runtime's own end of file comes before the last frame, so the end is told by the count.
-  if (next_ >= *info_.frame_count) return FrameOutcome::end_of_stream;
+  if (next_ >= info_.frame_count.value_or(0)) return FrameOutcome::end_of_stream;
   const int wait_ms = static_cast<int>(std::clamp(patience, milliseconds{0}, kSilence).count());
   openni::VideoStream* stream = &stream_;
   int ready = -1;
@@ -124,11 +124,11 @@ FrameOutcome OniFileSource::next(DepthFrame& frame, milliseconds patience) {
 
 FrameOutcome OniFileSource::damaged(DepthFrame& frame) {
   problem_ = fmt::format("{}: nothing can be read after frame {} of {}: the file is damaged there", info_.name, next_,
-                         *info_.frame_count);
+                         info_.frame_count.value_or(0));
   frame = DepthFrame{};
   frame.index = next_;
   frame.timestamp_s = last_s_;
-  next_ = *info_.frame_count;
+  next_ = info_.frame_count.value_or(0);
   return FrameOutcome::corrupt;
 }
 

@@ -259,18 +259,21 @@ void go_on_behind(const HeightMap& map, const TrackerConfig& config, FoundTube& 
   TrackerConfig held = config;
   if (tube.held_radius_m) held.radius_m = tube.held_radius_m;
   // Held straight until it is known how far it goes, or the first few pixels beyond bend it.
-  std::optional<FoundTube> whole;
+  FoundTube whole;
+  double length_m = 0.0;
   for (const double suppleness : {0.1, 1.0}) {
-    const Rounds rounds{1, 8, kGapRadii, suppleness, whole ? length_of(*whole) : 0.0};
-    whole = grow_until_settled(map, held, std::move(longer), suppleness < 1.0 ? stride : 1, rounds);
-    if (!whole || whole->evidence.length_m < tube.evidence.length_m + 0.5 * tube.model.radius_m) return;
-    if (whole->evidence.noise_ratio > 1.25 * tube.evidence.noise_ratio) return;
-    longer = whole->model;
+    const Rounds rounds{1, 8, kGapRadii, suppleness, length_m};
+    auto grown = grow_until_settled(map, held, std::move(longer), suppleness < 1.0 ? stride : 1, rounds);
+    if (!grown || grown->evidence.length_m < tube.evidence.length_m + 0.5 * tube.model.radius_m) return;
+    if (grown->evidence.noise_ratio > 1.25 * tube.evidence.noise_ratio) return;
+    whole = std::move(*grown);
+    length_m = length_of(whole);
+    longer = whole.model;
   }
-  look_beside(map, config.noise, whole->model, whole->extent, whole->evidence);
-  if (why_no_tube(*whole, config)) return;
-  whole->held_radius_m = tube.held_radius_m;
-  tube = std::move(*whole);
+  look_beside(map, config.noise, whole.model, whole.extent, whole.evidence);
+  if (why_no_tube(whole, config)) return;
+  whole.held_radius_m = tube.held_radius_m;
+  tube = std::move(whole);
 }
 
 void fit_again(const HeightMap& map, const TrackerConfig& config, FoundTube& tube) {

@@ -24,7 +24,7 @@ class NodeGrid {
       nodes_m_.push_back(point_at(spline, static_cast<double>(i) / kNodesPerSpan));
       box_.extend(nodes_m_.back());
       for (int k = 0; k < 27; ++k) {
-        const Eigen::Vector3d shift = reach_m * Eigen::Vector3d(k % 3 - 1, k / 3 % 3 - 1, k / 9 - 1);
+        const Eigen::Vector3d shift = reach_m * Eigen::Vector3i(k % 3 - 1, k / 3 % 3 - 1, k / 9 - 1).cast<double>();
         nodes_of_[key_of(nodes_m_.back() + shift)].push_back(static_cast<std::uint32_t>(i));
       }
     }

@@ -184,7 +184,8 @@ const TubeFrame& TubeTracker::track(const DepthFrame& frame) {
   report_known();
   if (deadline.missed()) {
     s.result.status = TrackStatus::deadline;
-    s.result.problem = fmt::format("{:g} ms were over before all places were looked at", *s.config.deadline_ms);
+    s.result.problem =
+        fmt::format("{:g} ms were over before all places were looked at", s.config.deadline_ms.value_or(0.0));
   }
   whole.lap(s.result.latency_ms);
   return s.result;
