@@ -114,8 +114,9 @@ Expected<void> record(const RecordOptions& options) {
   if (recorded && counts.frames == 0 && !interrupted()) {
     return tl::make_unexpected(Error::failed(fmt::format("{}: not one frame came", name)));
   }
-  if (!recorded || !target->oni || counts.frames == 0) return recorded;
-  const auto checked = target->oni->read_back();
+  std::optional<OniCheck>& file = target->oni;
+  if (!recorded || !file || counts.frames == 0) return recorded;
+  const auto checked = file->read_back();
   if (!checked) return tl::make_unexpected(checked.error());
   if (!options.quiet) fmt::print(stderr, "{}\n", *checked);
   return {};
