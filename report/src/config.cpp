@@ -38,7 +38,8 @@ void visit_noise(Model& model, Visit&& visit) {
 template <class Config, class Visit>
 void visit_config(Config& config, Visit&& visit) {
   auto& [radius_min_m, radius_max_m, radius_m, depth_min_m, depth_max_m, roi_u_px, roi_v_px, roi_width_px,
-         roi_height_px, min_length_radii, min_length_m, min_width_px, min_bend_radii, cell_m, threads, deadline_ms, noise] = config;
+         roi_height_px, min_length_radii, min_length_m, min_width_px, min_bend_radii, cell_m, threads, deadline_ms,
+         noise] = config;
   visit("radius_min_m", radius_min_m);
   visit("radius_max_m", radius_max_m);
   visit("radius_m", radius_m);
