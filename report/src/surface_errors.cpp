@@ -5,6 +5,7 @@
 #include <unordered_map>
 
 #include "tubetrack/report/surface_mesh.hpp"
+#include "tubetrack/tracker/packed_cell.hpp"
 
 namespace tubetrack {
 
@@ -46,7 +47,7 @@ class PieceGrid {
                             high = (box.max().array() + reach_m) / cell_m_;
       for (double z = std::floor(low.z()); z <= high.z(); ++z) {
         for (double y = std::floor(low.y()); y <= high.y(); ++y) {
-          for (double x = std::floor(low.x()); x <= high.x(); ++x) near_[key_of({x, y, z})].push_back(i);
+          for (double x = std::floor(low.x()); x <= high.x(); ++x) near_[packed_cell({x, y, z}, 1.0)].push_back(i);
         }
       }
     }
@@ -57,7 +58,7 @@ class PieceGrid {
   double distance(const Eigen::Vector3d& point_m) const {
     double least = std::numeric_limits<double>::quiet_NaN();
     if (!(cell_m_ > 0.0)) return least;
-    const auto cell = near_.find(key_of((point_m / cell_m_).array().floor().matrix()));
+    const auto cell = near_.find(packed_cell(point_m, cell_m_));
     if (cell == near_.end()) return least;
     for (const std::size_t i : cell->second) {
       const Piece& piece = pieces_[i];
@@ -72,13 +73,6 @@ class PieceGrid {
   }
 
  private:
-  static std::uint64_t key_of(const Eigen::Vector3d& cell) {
-    std::uint64_t key = 0;
-    for (int axis = 0; axis < 3; ++axis)
-      key = (key << 21) | (static_cast<std::uint64_t>(static_cast<std::int64_t>(cell[axis]) + (1 << 20)) & 0x1FFFFFU);
-    return key;
-  }
-
   std::vector<Piece> pieces_;
   double cell_m_ = 0.0;
   std::unordered_map<std::uint64_t, std::vector<std::size_t>> near_;

@@ -26,8 +26,8 @@ int fail(int code) {
 }  // namespace
 
 FakeKernel::FakeKernel() {
-  char name[] = "/tmp/fake_camera_XXXXXX";
-  folder_ = mkdtemp(name);
+  std::string name = (std::filesystem::temp_directory_path() / "fake_camera_XXXXXX").string();
+  folder_ = mkdtemp(name.data());
   std::filesystem::create_directories(folder_ + "/firmware_node");
   std::filesystem::create_directories(folder_ + "/1-1/1-1:1.0");
   std::ofstream(folder_ + "/firmware_node/path") << "\\_SB_.FAKE\n";

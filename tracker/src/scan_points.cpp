@@ -5,6 +5,7 @@
 #include <unordered_map>
 
 #include "scan_fit.hpp"
+#include "tubetrack/tracker/packed_cell.hpp"
 
 namespace tubetrack {
 
@@ -25,7 +26,7 @@ class NodeGrid {
       box_.extend(nodes_m_.back());
       for (int k = 0; k < 27; ++k) {
         const Eigen::Vector3d shift = reach_m * Eigen::Vector3i(k % 3 - 1, k / 3 % 3 - 1, k / 9 - 1).cast<double>();
-        nodes_of_[key_of(nodes_m_.back() + shift)].push_back(static_cast<std::uint32_t>(i));
+        nodes_of_[packed_cell(nodes_m_.back() + shift, cell_m_)].push_back(static_cast<std::uint32_t>(i));
       }
     }
     box_.min().array() -= reach_m;
@@ -35,7 +36,7 @@ class NodeGrid {
   /// The nearest node's parameter; negative where none is within reach.
   double nearest(const Eigen::Vector3d& point_m) const {
     if (!box_.contains(point_m)) return -1.0;
-    const auto cell = nodes_of_.find(key_of(point_m));
+    const auto cell = nodes_of_.find(packed_cell(point_m, cell_m_));
     if (cell == nodes_of_.end()) return -1.0;
     double least = cell_m_ * cell_m_;
     double t = -1.0;
@@ -49,15 +50,6 @@ class NodeGrid {
   }
 
  private:
-  std::uint64_t key_of(const Eigen::Vector3d& point_m) const {
-    std::uint64_t key = 0;
-    for (int axis = 0; axis < 3; ++axis) {
-      const auto at = static_cast<std::int64_t>(std::floor(point_m[axis] / cell_m_));
-      key = (key << 21) | (static_cast<std::uint64_t>(at + (1 << 20)) & 0x1FFFFFU);
-    }
-    return key;
-  }
-
   double cell_m_;
   std::vector<Eigen::Vector3d> nodes_m_;
   Eigen::AlignedBox3d box_;

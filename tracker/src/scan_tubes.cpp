@@ -205,8 +205,7 @@ Tube result_of(const ScanTube& found) {
   }
   if (tube.closed) tube.centerline_m.back() = tube.centerline_m.front();
   add_node_radii(found, tube);
-  for (std::size_t i = 1; i < tube.centerline_m.size(); ++i)
-    tube.length_m += (tube.centerline_m[i] - tube.centerline_m[i - 1]).norm();
+  tube.length_m = polyline_length_m(tube.centerline_m);
   return tube;
 }
 

@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <utility>
 
+#include "tubetrack/tracker/packed_cell.hpp"
 #include "tubetrack/tracker/trace.hpp"
 
 namespace tubetrack {
@@ -14,17 +15,6 @@ namespace {
 constexpr double kCellRadii = 0.25;        // a map's cell, of the smallest radius it is for
 constexpr double kLargestCellRadii = 0.5;  // where the scan is coarser than that
 constexpr int kMaxVotes = 64;
-
-/// 21 bits an axis; what lies farther out has no votes either.
-std::uint64_t packed_cell(const Eigen::Vector3f& position_m, double cell_m) {
-  constexpr double kHalf = 1 << 20;
-  std::uint64_t key = 0;
-  for (Eigen::Index axis = 2; axis >= 0; --axis) {
-    const double at = std::clamp(std::floor(static_cast<double>(position_m[axis]) / cell_m), -kHalf, kHalf - 1.0);
-    key = (key << 21) | static_cast<std::uint64_t>(at + kHalf);
-  }
-  return key;
-}
 
 Surfel mean_of(std::span<const Surfel> surfels, std::span<const std::pair<std::uint64_t, std::uint32_t>> members) {
   Surfel mean = surfels[members.front().second];
@@ -74,7 +64,7 @@ std::vector<Surfel> merged_by_cell(std::span<const Surfel> surfels, double cell_
   std::vector<std::pair<std::uint64_t, std::uint32_t>> members;
   members.reserve(surfels.size());
   for (std::size_t i = 0; i < surfels.size(); ++i)
-    members.emplace_back(packed_cell(surfels[i].position_m, cell_m), static_cast<std::uint32_t>(i));
+    members.emplace_back(packed_cell(surfels[i].position_m.cast<double>(), cell_m), static_cast<std::uint32_t>(i));
   std::sort(members.begin(), members.end());
   std::vector<Surfel> merged;
   for (std::size_t begin = 0, end = 0; begin < members.size(); begin = end) {

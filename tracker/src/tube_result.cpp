@@ -1,6 +1,6 @@
 #include "tube_result.hpp"
 
-#include <Eigen/Eigenvalues>
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
 
@@ -22,17 +22,17 @@ double sigma_across_m(const Eigen::Matrix3d& covariance_m2, const Eigen::Vector3
   across.col(0) = along.unitOrthogonal();
   across.col(1) = along.cross(across.col(0));
   const Eigen::Matrix2d section = across.transpose() * covariance_m2 * across;
-  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> solver(section);
-  return std::sqrt(std::max(0.0, solver.eigenvalues()[1]));
-}
-
-double length_of(const std::vector<Eigen::Vector3d>& line) {
-  double length = 0.0;
-  for (std::size_t i = 1; i < line.size(); ++i) length += (line[i] - line[i - 1]).norm();
-  return length;
+  const double mean = 0.5 * section.trace();
+  return std::sqrt(std::max(0.0, mean + std::hypot(0.5 * (section(0, 0) - section(1, 1)), section(0, 1))));
 }
 
 }  // namespace
+
+double polyline_length_m(const std::vector<Eigen::Vector3d>& line_m) {
+  double length_m = 0.0;
+  for (std::size_t i = 1; i < line_m.size(); ++i) length_m += (line_m[i] - line_m[i - 1]).norm();
+  return length_m;
+}
 
 void add_uncertainty(const Spline& spline, const Eigen::MatrixXd& control_covariance, double t, Tube& tube) {
   const SplineBasis basis = basis_at(spline, t);
@@ -77,7 +77,7 @@ Tube result_of(const FollowedTube& followed, const HeightMap& map) {
                                 nearest->seen());
     add_uncertainty(spline, followed.quality.covariance, t, tube);
   }
-  tube.length_m = length_of(tube.centerline_m);
+  tube.length_m = polyline_length_m(tube.centerline_m);
   return tube;
 }
 

@@ -7,6 +7,8 @@ namespace tubetrack {
 /// A followed tube as a result: nodes about half a radius apart along its extent, in the camera frame.
 Tube result_of(const FollowedTube& tube, const HeightMap& map);
 
+double polyline_length_m(const std::vector<Eigen::Vector3d>& line_m);
+
 /// Adds a node's uncertainty at `t` to the tube: its covariance from that of the control points (as in FitQuality), and
 /// the larger σ across the tube.
 void add_uncertainty(const Spline& spline, const Eigen::MatrixXd& covariance, double t, Tube& tube);
