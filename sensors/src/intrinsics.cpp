@@ -54,6 +54,21 @@ Intrinsics intrinsics_from_field_of_view(int width, int height, double horizonta
   return in;
 }
 
+Expected<std::optional<Intrinsics>> given_intrinsics(const std::string& name, int width, int height,
+                                                     const std::optional<Intrinsics>& calibration,
+                                                     const std::optional<std::array<double, 4>>& numbers_px) {
+  if (calibration && (calibration->width != width || calibration->height != height)) {
+    return tl::make_unexpected(Error::usage(
+        fmt::format("{}: the calibration is for {}x{} pixels and the device sends {}x{}; choose the mode it was made "
+                    "for, or calibrate this one",
+                    name, calibration->width, calibration->height, width, height)));
+  }
+  if (calibration) return calibration;
+  if (!numbers_px) return std::nullopt;
+  const auto [fx, fy, cx, cy] = *numbers_px;
+  return Intrinsics{width, height, fx, fy, cx, cy, {}};
+}
+
 Eigen::Vector2d project(const Intrinsics& in, const Eigen::Vector3d& point_in_camera) {
   const Eigen::Vector2d image = distort(in.distortion, point_in_camera.hnormalized());
   return {in.fx_px * image.x() + in.cx_px, in.fy_px * image.y() + in.cy_px};

@@ -127,27 +127,18 @@ Expected<std::unique_ptr<libcamera::CameraConfiguration>> configure_libcamera(li
 }
 
 Expected<Intrinsics> libcamera_intrinsics(const LibcameraOptions& options, const StreamInfo& info) {
-  Intrinsics in = info.intrinsics;
-  if (options.calibration) {
-    if (options.calibration->width != in.width || options.calibration->height != in.height) {
-      return tl::make_unexpected(Error::usage(
-          fmt::format("{}: the calibration is for {}x{} pixels and the camera sends {}x{}; choose the "
-                      "mode it was made for, or calibrate this one",
-                      info.name, options.calibration->width, options.calibration->height, in.width, in.height)));
-    }
-    in = *options.calibration;
-  } else if (options.intrinsics_px) {
-    const auto& given = *options.intrinsics_px;
-    in = {in.width, in.height, given[0], given[1], given[2], given[3], {}};
-  } else {
+  const Intrinsics& sent = info.intrinsics;
+  const auto given = given_intrinsics(info.name, sent.width, sent.height, options.calibration, options.intrinsics_px);
+  if (!given) return tl::make_unexpected(given.error());
+  if (!*given) {
     return tl::make_unexpected(Error::usage(fmt::format(
         "{}: libcamera does not say the camera's geometry; give --intrinsics fx,fy,cx,cy or a camera_info.yaml",
         info.name)));
   }
-  if (const auto valid = validate(in); !valid) {
+  if (const auto valid = validate(**given); !valid) {
     return tl::make_unexpected(Error::usage(fmt::format("{}: {}", info.name, valid.error().message)));
   }
-  return in;
+  return **given;
 }
 
 Expected<std::vector<DeviceDescription>> list_libcamera_devices() {

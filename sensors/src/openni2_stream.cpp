@@ -103,17 +103,10 @@ Expected<Intrinsics> openni2_intrinsics(const openni::VideoStream& stream, const
   Intrinsics in;
   in.width = mode.getResolutionX();
   in.height = mode.getResolutionY();
-  if (options.calibration) {
-    if (options.calibration->width != in.width || options.calibration->height != in.height) {
-      return tl::make_unexpected(Error::usage(
-          fmt::format("{}: the calibration is for {}x{} pixels and the device sends {}x{}; choose the mode it was made "
-                      "for, or calibrate this one",
-                      name, options.calibration->width, options.calibration->height, in.width, in.height)));
-    }
-    in = *options.calibration;
-  } else if (options.intrinsics_px) {
-    const auto& given = *options.intrinsics_px;
-    in = {in.width, in.height, given[0], given[1], given[2], given[3], {}};
+  const auto given = given_intrinsics(name, in.width, in.height, options.calibration, options.intrinsics_px);
+  if (!given) return tl::make_unexpected(given.error());
+  if (*given) {
+    in = **given;
   } else {
     const double horizontal_rad = static_cast<double>(stream.getHorizontalFieldOfView());
     const double vertical_rad = static_cast<double>(stream.getVerticalFieldOfView());

@@ -121,7 +121,7 @@ TEST(LibcameraSource, WhatIsMissingOrWrongIsNamed) {
   options.intrinsics_px.reset();
   EXPECT_THAT(refusal(settings, options), HasSubstr("does not say the camera's geometry; give --intrinsics"));
   options.calibration = Intrinsics{80, 60, 60, 60, 40, 30, {}};
-  EXPECT_THAT(refusal(settings, options), HasSubstr("the calibration is for 80x60 pixels and the camera sends 64x48"));
+  EXPECT_THAT(refusal(settings, options), HasSubstr("the calibration is for 80x60 pixels and the device sends 64x48"));
   options = usual_options();
   options.format = "R10";
   EXPECT_THAT(refusal(settings, options), HasSubstr("sends R12, not R10"));

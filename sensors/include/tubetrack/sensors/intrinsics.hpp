@@ -2,6 +2,8 @@
 
 #include <Eigen/Core>
 #include <array>
+#include <optional>
+#include <string>
 #include <vector>
 
 #include "tubetrack/sensors/error.hpp"
@@ -27,6 +29,13 @@ Expected<void> validate(const Intrinsics& intrinsics);
 
 /// f = size / 2 / tan(fov / 2), principal point in the image centre ((size − 1) / 2). Angles in radians.
 Intrinsics intrinsics_from_field_of_view(int width, int height, double horizontal_rad, double vertical_rad);
+
+/// The camera that a user gives for a device that sends images of a size: a calibration, or else fx, fy, cx, cy in
+/// pixels, without distortion; nothing where neither is given. The error says that the calibration is for another size;
+/// `name` is the device's.
+Expected<std::optional<Intrinsics>> given_intrinsics(const std::string& name, int width, int height,
+                                                     const std::optional<Intrinsics>& calibration,
+                                                     const std::optional<std::array<double, 4>>& numbers_px);
 
 /// Pixel of a camera-frame point (metres, z > 0), distortion applied.
 Eigen::Vector2d project(const Intrinsics& intrinsics, const Eigen::Vector3d& point_in_camera);
