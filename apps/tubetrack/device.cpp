@@ -8,6 +8,7 @@
 
 #include "flag_values.hpp"
 #include "tubetrack/replay/camera_info.hpp"
+#include "tubetrack/sensors/reconnect.hpp"
 
 #ifdef TUBETRACK_HAS_LIBCAMERA
 #include "tubetrack/sensors/libcamera_source.hpp"
@@ -161,8 +162,9 @@ Expected<std::unique_ptr<FrameSource>> open_libcamera_device(const std::string& 
 #endif
 
 /// The back-end that the device's name belongs to.
-Expected<std::unique_ptr<FrameSource>> open_source(const std::string& uri, const DeviceRequest& request,
-                                                   const DeviceFlags& flags) {
+Expected<std::unique_ptr<FrameSource>> open_source(const std::string& uri,
+                                                   [[maybe_unused]] const DeviceRequest& request,
+                                                   [[maybe_unused]] const DeviceFlags& flags) {
   constexpr std::string_view kLibcamera = "libcamera";
   if (uri == kLibcamera || uri.starts_with("libcamera:")) {
 #ifdef TUBETRACK_HAS_LIBCAMERA

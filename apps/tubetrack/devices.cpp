@@ -19,7 +19,7 @@ namespace tubetrack {
 
 namespace {
 
-void print(const std::vector<DeviceDescription>& devices) {
+[[maybe_unused]] void print(const std::vector<DeviceDescription>& devices) {
   for (const DeviceDescription& device : devices) fmt::print("{}\t{} {}\n", device.uri, device.vendor, device.name);
 }
 
