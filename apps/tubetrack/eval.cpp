@@ -83,6 +83,10 @@ Expected<void> evaluate(const EvalOptions& options) {
           Error::usage(fmt::format("--skip {}: takes a number of frames, like 30", options.skip)));
     }
   }
+  if (!std::filesystem::exists(options.recording)) {
+    return tl::make_unexpected(
+        Error::usage(fmt::format("{}: no such file or folder; give the folder of a recording", options.recording)));
+  }
   const auto truth_path = std::filesystem::path(options.recording) / "truth.jsonl";
   if (!std::filesystem::exists(truth_path)) {
     return tl::make_unexpected(Error::failed(fmt::format(

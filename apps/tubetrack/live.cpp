@@ -7,6 +7,7 @@
 #include "commands.hpp"
 #include "device.hpp"
 #include "flag_values.hpp"
+#include "kept_files.hpp"
 #include "track_options.hpp"
 #include "tubetrack/replay/recorder.hpp"
 #include "tubetrack/report/config.hpp"
@@ -74,6 +75,7 @@ Expected<int> live(const LiveOptions& options) {
   }
   const auto status_every_s = status_every_from(options.status_every);
   if (!status_every_s) return tl::make_unexpected(status_every_s.error());
+  if (auto kept = keep_others("--record", options.record); !kept) return tl::make_unexpected(kept.error());
   DeviceFlags flags = options.flags;
   const bool to_oni = std::filesystem::path(options.record).extension() == ".oni";
   if (to_oni) flags.record_oni = options.record;
@@ -101,7 +103,10 @@ Expected<int> live(const LiveOptions& options) {
     run.on_frame = [&recorder](const DepthFrame& frame) { return recorder->write(frame); };
   }
   hurry_when_interrupted();
-  return run_tracker(**source, *tracker, run);
+  const int exit_code = run_tracker(**source, *tracker, run);
+  if (recorder && !options.track.quiet)
+    fmt::print(stderr, "{}: {} frames recorded\n", options.record, recorder->frames_written());
+  return exit_code;
 }
 
 }  // namespace

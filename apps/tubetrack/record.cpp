@@ -9,6 +9,7 @@
 
 #include "commands.hpp"
 #include "device.hpp"
+#include "kept_files.hpp"
 #include "oni_check.hpp"
 #include "run.hpp"
 #include "tubetrack/replay/recorder.hpp"
@@ -91,6 +92,7 @@ Expected<Target> open_target(const std::filesystem::path& path, bool oni, const 
 
 Expected<void> record(const RecordOptions& options) {
   const std::filesystem::path path = options.positional.back();
+  if (auto kept = keep_others("PATH", path.string()); !kept) return kept;
   DeviceFlags flags = options.flags;
   const bool oni = path.extension() == ".oni";
   if (oni) flags.record_oni = path;

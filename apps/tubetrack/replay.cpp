@@ -3,6 +3,7 @@
 #include <memory>
 
 #include "commands.hpp"
+#include "kept_files.hpp"
 #include "track_options.hpp"
 #include "tubetrack/report/config.hpp"
 
@@ -40,6 +41,8 @@ Expected<int> replay(const ReplayOptions& options) {
   if (!reading) return tl::make_unexpected(reading.error());
   if (options.recording.empty())
     return tl::make_unexpected(Error::usage("replay: give the RECORDING to follow tubes in"));
+  if (auto kept = keep_recording(options.recording, options.track.out, options.track.overlay); !kept)
+    return tl::make_unexpected(kept.error());
   auto recording = open_recording(options.recording, *reading);
   if (!recording) return tl::make_unexpected(recording.error());
   if (!options.track.quiet) {

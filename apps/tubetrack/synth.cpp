@@ -15,6 +15,15 @@ namespace tubetrack {
 
 namespace {
 
+constexpr const char* kFooter =
+    R"(Examples:
+  tubetrack synth --list
+  tubetrack synth bent desk/                          then: tubetrack replay desk/, tubetrack eval desk/
+  tubetrack synth crossing exact/ --no-noise --frames 1
+  tubetrack synth my-cell.json cell/ --seed 7         a scene of your own (docs/scene.md)
+
+Exit codes: 0 done, 1 it failed while writing, 2 wrong usage.)";
+
 struct SynthOptions {
   std::string scene, path;
   bool list = false, no_noise = false;
@@ -73,6 +82,7 @@ int run_synth(const SynthOptions& options) {
 void add_synth(CLI::App& app, int& exit_code) {
   auto options = std::make_shared<SynthOptions>();
   CLI::App* command = app.add_subcommand("synth", "render a synthetic scene to a recording with its tube truth");
+  command->footer(kFooter);
   command->add_option("SCENE", options->scene, "a preset (--list) or a scene file, .json (docs/scene.md)");
   command->add_option("PATH", options->path, "folder to write; an earlier recording in it is overwritten");
   command->add_flag("--list", options->list, "print the presets' names and end");

@@ -72,6 +72,9 @@ TEST_F(Eval, TrackingNowAndTheLinesOfAReplayScoreTheSame) {
 }
 
 TEST_F(Eval, WhatCannotBeScoredIsNamed) {
+  const ProgramEnd nowhere = run({"eval", "/nowhere/recording"});
+  EXPECT_EQ(nowhere.exit_code, 2);
+  EXPECT_THAT(nowhere.err, HasSubstr("/nowhere/recording: no such file or folder"));
   write_tum(recording_.path(), 2);
   const ProgramEnd untrue = run({"eval", path()});
   EXPECT_EQ(untrue.exit_code, 1);

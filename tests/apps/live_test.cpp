@@ -71,8 +71,7 @@ TEST_F(Live, AFrameRangePassesOverWhatComesBefore) {
 }
 
 TEST_F(Live, RecordsWhatItTracks) {
-  ASSERT_EQ(run({"live", "--frames", kAll, "--quiet", "--record", folder_ / "recorded", "--out", lines()}), 0)
-      << errors();
+  ASSERT_EQ(run({"live", "--frames", kAll, "--record", folder_ / "recorded", "--out", lines()}), 0) << errors();
   expect_same_recording(folder_ / "recorded");
 }
 
@@ -126,6 +125,20 @@ TEST_F(Live, WithoutADeviceTheErrorSaysWhatToDo) {
   EXPECT_FALSE(fs::exists(folder_ / "recorded"));
   EXPECT_EQ(run({"devices"}), 0);
   EXPECT_THAT(errors(), HasSubstr("no OpenNI2 device found"));
+}
+
+TEST_F(Live, NothingIsRecordedOverWhatIsNoRecordingOrIsBeingPlayed) {
+  const fs::path notes = folder_ / "notes.oni";
+  std::ofstream(notes) << "what I saw\n";
+  for (const std::vector<std::string>& arguments :
+       {std::vector<std::string>{"record", notes}, {"live", "--record", notes}}) {
+    EXPECT_EQ(run(arguments), 2);
+    EXPECT_THAT(errors(), HasSubstr("notes.oni: is there, and no OpenNI2 recording; give another name"));
+  }
+  EXPECT_EQ(read_file(notes), "what I saw\n");
+  EXPECT_EQ(run({"record", recording_}), 2);
+  EXPECT_THAT(errors(), HasSubstr("is what the virtual device plays; give another name"));
+  EXPECT_EQ(count_lines(recording_ / "truth.jsonl"), kFrames);
 }
 
 TEST_F(Live, WrongUseIsExitCode2InOneLineThatNamesTheFlag) {

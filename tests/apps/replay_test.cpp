@@ -267,6 +267,19 @@ TEST_F(Replay, FlagsWinOverTheConfigAndPrintConfigShowsBoth) {
   EXPECT_THAT(end.out, AllOf(HasSubstr("\"radius_m\": 0.03"), HasSubstr("\"threads\": 3")));
 }
 
+TEST_F(Replay, NoOutputGoesOverTheRecording) {
+  make_recording();
+  write_text(recording_ / "truth.jsonl", "true\n");
+  for (const char* own : {"depth.txt", "camera_info.yaml", "truth.jsonl"})
+    expect_refused(replay({"--out", (recording_ / own).string()}), 2, {"--out", own, "is a file of the recording"});
+  expect_refused(replay({"--out", image(0).string()}), 2, {"is a file of the recording"});
+  expect_refused(replay({"--overlay", image(0).parent_path().string()}), 2, {"--overlay", "the recording itself"});
+  expect_refused(replay({"--overlay", recording_.path().string() + "/"}), 2, {"--overlay", "the recording itself"});
+  EXPECT_EQ(read_text(recording_ / "truth.jsonl"), "true\n");
+  for (int run = 0; run < 2; ++run)
+    EXPECT_EQ(replay({"--out", (recording_ / "tubes.jsonl").string()}).exit_code, 0) << "results may be made anew";
+}
+
 TEST_F(Replay, AnOutFileThatCannotBeWrittenIsNamed) {
   make_recording();
   expect_refused(replay({"--out", "/nowhere/a.jsonl"}), 2, {"--out /nowhere/a.jsonl: No such file"});
