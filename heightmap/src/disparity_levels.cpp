@@ -17,7 +17,7 @@ bool lies_at_disparity_levels(const DepthFrame& frame, const NoiseModel& noise) 
       const double spacing_m = z * z * noise.disparity_step_px / noise.baseline_focal_m_px;
       if (z <= 0.0 || spacing_m < 1.5 * frame.metres_per_unit) continue;
       ++asked;
-      at_level += std::abs(depth_of_level_m(noise, z) - z) <= 0.501 * frame.metres_per_unit ? 1 : 0;
+      at_level += std::abs(depth_of_level_m(noise, z, frame.metres_per_unit) - z) <= 0.501 * frame.metres_per_unit ? 1 : 0;
     }
     next -= frame.width;
   }

@@ -72,6 +72,7 @@ void update(HeightMap& map, const DepthFrame& frame, const NoiseModel& noise, co
   const int v_end = whole ? frame.height : std::clamp(limits.roi_v_px + limits.roi_height_px, v_begin, frame.height);
   const FuseOptions options{AxialNoise(noise), static_cast<float>(frame.metres_per_unit),
                             static_cast<float>(limits.depth_min_m), static_cast<float>(limits.depth_max_m), fuse};
+  map.unit_m = frame.metres_per_unit;
   ++map.frame;
   for (int v = 0; v < frame.height; ++v) {
     TileChanges* tiles = map.tile_changes.data();

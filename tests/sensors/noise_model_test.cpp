@@ -96,18 +96,37 @@ TEST(NoiseModel, KnownDevicesHaveTheirs) {
 
 TEST(NoiseModel, AReadingRoundedToMillimetresGoesBackToItsDisparityLevel) {
   const NoiseModel model;
-  // Up to here levels lie so far apart that no millimetre has two.
-  for (int level = 130; level < 600; ++level) {
-    const double depth_m = model.baseline_focal_m_px / (level * model.disparity_step_px);
-    const double rounded_m = std::round(depth_m * 1000.0) / 1000.0;
-    EXPECT_NEAR(depth_of_level_m(model, depth_m), depth_m, 1e-12);
-    if (depth_m * depth_m * model.disparity_step_px / model.baseline_focal_m_px < 0.0011) continue;
-    EXPECT_NEAR(depth_of_level_m(model, rounded_m), depth_m, 1e-12) << level;
+  const auto of_level = [&](int level) { return model.baseline_focal_m_px / (level * model.disparity_step_px); };
+  const auto written = [](double depth_m) { return std::round(depth_m * 1000.0) / 1000.0; };
+  // Up to here levels lie farther apart than millimetres.
+  for (int level = 130; level < 584; ++level) {
+    EXPECT_NEAR(depth_of_level_m(model, of_level(level), 1e-6), of_level(level), 1e-12);
+    EXPECT_NEAR(depth_of_level_m(model, written(of_level(level)), 0.001), of_level(level), 1e-12) << level;
   }
-  EXPECT_EQ(depth_of_level_m(model, 0.0), 0.0);
+  EXPECT_EQ(depth_of_level_m(model, 0.0, 0.001), 0.0);
   NoiseModel without = model;
   without.disparity_step_px = 0.0;
-  EXPECT_EQ(depth_of_level_m(without, 0.8123), 0.8123);
+  EXPECT_EQ(depth_of_level_m(without, 0.8123, 0.001), 0.8123);
+}
+
+TEST(NoiseModel, LevelsWrittenAlikeGiveTheirMean) {
+  const NoiseModel model;
+  const double per_level = model.baseline_focal_m_px / model.disparity_step_px;
+  int several = 0;
+  for (int millimetre = 350; millimetre < 600; ++millimetre) {
+    double sum_m = 0.0;
+    int count = 0;
+    for (int level = 500; level < 1100; ++level) {
+      if (std::lround(1000.0 * per_level / level) != millimetre) continue;
+      sum_m += per_level / level;
+      ++count;
+    }
+    if (count == 0) continue;
+    several += count > 1 ? 1 : 0;
+    EXPECT_NEAR(depth_of_level_m(model, 0.001F * static_cast<float>(millimetre), 0.001), sum_m / count, 2e-6)
+        << millimetre << ", " << count << " levels";
+  }
+  EXPECT_GT(several, 130);
 }
 
 TEST(NoiseModel, AnUnknownNameIsRefusedWithTheKnownOnes) {

@@ -245,7 +245,7 @@ std::vector<Observation> select_observations(const HeightMap& map, const NoiseMo
     const float measured = map.depth_m[pixel.cell];
     if (measured <= 0.0F || pixel.cos_incidence < kCos75 || pixel.margin_px < margin_px) continue;
     if (pixel.t < extent.t_begin || pixel.t > extent.t_end) continue;
-    const double reading_m = map.at_disparity_levels ? depth_of_level_m(noise, measured) : measured;
+    const double reading_m = map.at_disparity_levels ? depth_of_level_m(noise, measured, map.unit_m) : measured;
     const double depth_m = reading_m - pixel.jitter_bias_m;
     if (std::abs(depth_m - pixel.depth_m) > gate_m + gate_sigmas * pixel.sigma_m) continue;
     const Eigen::Vector3d ray(map.rays[pixel.cell].x(), map.rays[pixel.cell].y(), 1.0);

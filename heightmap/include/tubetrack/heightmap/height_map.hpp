@@ -44,6 +44,7 @@ struct HeightMap {
   int tile_columns() const { return (intrinsics.width + kTileWidth_px - 1) / kTileWidth_px; }
   int tile_rows() const { return (intrinsics.height + kTileHeight_px - 1) / kTileHeight_px; }
   bool at_disparity_levels = false;  ///< see `lies_at_disparity_levels`; set by whoever asked
+  double unit_m = 0.0;               ///< of the last frame's readings
 
   std::size_t cell(int u, int v) const {
     return static_cast<std::size_t>(v) * static_cast<std::size_t>(intrinsics.width) + static_cast<std::size_t>(u);
