@@ -187,6 +187,19 @@ double length_m(const FollowedTube& tube) {
   return (tube.extent.t_end - tube.extent.t_begin) * kKnotSpacingRadii * tube.model.radius_m;
 }
 
+/// Is one of its ends turned toward the camera? Its face, fitted as the tube's surface, bends the centreline there.
+bool shows_a_face(const FollowedTube& tube) {
+  constexpr double kTurned = 0.25;  // cosine
+  const auto toward_camera = [&](double t, double outward) {
+    const Eigen::Vector3d direction = outward * derivative_at(tube.model.spline, t).normalized();
+    return -direction.dot(point_at(tube.model.spline, t).normalized());
+  };
+  // Two spans inside, where the face has bent nothing yet.
+  constexpr double kInside = 2.0;
+  return toward_camera(tube.extent.t_begin + kInside, -1.0) > kTurned ||
+         toward_camera(tube.extent.t_end - kInside, 1.0) > kTurned;
+}
+
 void pool_first_frame(FollowedTube& tube) {
   tube.radius_information = inverse(tube.quality.radius_sigma_m * tube.quality.radius_sigma_m);
   start_pool(tube);
@@ -241,6 +254,12 @@ void pool_without_ends(FollowedTube& tube, const HeightMap& map, const TrackerCo
   FollowedTube without = tube;
   if (!fit_to_frame(without, map, config, tube.model)) return;
   tube.quality.observed = std::move(without.quality.observed);
+  // Where the ends tell much of the radius, that they bend the line costs less than leaving them out.
+  const bool costs_little = without.quality.radius_sigma_m <= 1.1 * tube.quality.radius_sigma_m;
+  if (costs_little && shows_a_face(tube)) {
+    tube.model = std::move(without.model);
+    tube.quality = std::move(without.quality);
+  }
   pool_first_frame(tube);
 }
 
