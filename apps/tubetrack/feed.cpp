@@ -51,9 +51,18 @@ std::int64_t Feed::dropped() const {
   return source_dropped_ + queue_.dropped();
 }
 
+std::vector<std::string> Feed::take_notes() {
+  const std::lock_guard lock(notes_mutex_);
+  return std::exchange(notes_, {});
+}
+
 Expected<QueuedFrame> Feed::fetch() {
   QueuedFrame item;
   item.outcome = source_.next(item.frame, kPatience);
+  if (auto note = source_.take_note(); !note.empty()) {
+    const std::lock_guard lock(notes_mutex_);
+    notes_.push_back(std::move(note));
+  }
   source_dropped_ = source_.dropped();
   if (item.outcome == FrameOutcome::corrupt || item.outcome == FrameOutcome::device_lost) {
     item.problem = source_.last_problem();

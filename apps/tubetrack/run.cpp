@@ -171,6 +171,13 @@ Expected<void> handle(Run& run, const QueuedFrame& item) {
   return {};
 }
 
+void tell_notes(Run& run) {
+  for (const std::string& note : run.feed.take_notes()) {
+    run.progress.clear();
+    if (!run.options.quiet) fmt::print(stderr, "note: {}\n", note);
+  }
+}
+
 void tell_status(Run& run) {
   if (const auto line = run.status.line_if_due(run.summary)) {
     run.progress.clear();
@@ -183,6 +190,7 @@ Expected<void> loop(Run& run) {
   while (!interrupted()) {
     auto item = run.feed.next();
     if (!item) return tl::make_unexpected(item.error());
+    tell_notes(run);
     tell_status(run);
     if (item->outcome == FrameOutcome::timeout) continue;
     if (item->outcome == FrameOutcome::end_of_stream) return {};
