@@ -204,7 +204,9 @@ TEST_F(OpenNi2Faults, AClockThatGoesOnAfterTwoFramesIsBelievedAgain) {
   for (std::int64_t i = 0; i < 7; ++i) {
     const bool still = i == 3 || i == 4;
     EXPECT_EQ(source->next(frame, kLong), still ? FrameOutcome::corrupt : FrameOutcome::ok) << i;
-    if (!still) EXPECT_EQ(frame.timestamp_s, images_[static_cast<std::size_t>(i)].timestamp_s) << i;
+    if (!still) {
+      EXPECT_EQ(frame.timestamp_s, images_[static_cast<std::size_t>(i)].timestamp_s) << i;
+    }
     allow_next();
   }
   EXPECT_EQ(source->take_note(), "");
