@@ -13,6 +13,8 @@ test_packages=(libcamera-dev libopenni2-dev libgmock-dev libgtest-dev librapidch
 # What the benchmarks compare with, and the speed benchmark besides.
 peer_packages=(libcgal-dev libpcl-dev)
 speed_peer_packages=(libopencv-contrib-dev)
+# What scripts/long-qemu needs besides; what runs in the emulated machine is unpacked, not installed.
+qemu_packages=(qemu-system-x86)
 # What .ci/run needs besides: to check sources, and to read exports back (260 MB, so not for every test run).
 ci_packages=(clang-format-19 clang-tidy-19 python3-vtk9)
 
