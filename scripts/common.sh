@@ -9,7 +9,10 @@ core_packages=(
   libopencv-core-dev libopencv-imgcodecs-dev libopencv-imgproc-dev
 )
 # Live back-ends, and what the tests use besides.
-test_packages=(libcamera-dev libopenni2-dev libgmock-dev libgtest-dev librapidcheck-dev python3-jsonschema)
+test_packages=(
+  libcamera-dev libopencv-highgui-dev libopenni2-dev
+  libgmock-dev libgtest-dev librapidcheck-dev python3-jsonschema xdotool xvfb
+)
 # What the benchmarks compare with, and the speed benchmark besides.
 peer_packages=(libcgal-dev libpcl-dev)
 speed_peer_packages=(libopencv-contrib-dev)

@@ -11,7 +11,8 @@ namespace {
 
 constexpr std::chrono::milliseconds kPatience{100};  ///< how long Ctrl-C may have to wait for a silent source
 
-/// Owns its pixels afterwards: a queued frame outlives the source's next call.
+}  // namespace
+
 DepthFrame kept(const DepthFrame& frame) {
   if (frame.keep_alive || frame.pixels == nullptr) return frame;
   auto pixels = std::make_shared<std::vector<std::uint16_t>>();
@@ -23,8 +24,6 @@ DepthFrame kept(const DepthFrame& frame) {
   copy.keep_alive = std::move(pixels);
   return copy;
 }
-
-}  // namespace
 
 Feed::Feed(FrameSource& source, const RunOptions& options)
     : source_(source), options_(options), queue_(options.queue_frames) {

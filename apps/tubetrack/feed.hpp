@@ -12,6 +12,9 @@
 
 namespace tubetrack {
 
+/// The frame with pixels of its own where it had none (no keep_alive): it outlives the source's next call.
+DepthFrame kept(const DepthFrame& frame);
+
 /// Frames one after the other, straight from the source or (realtime) through a queue that a second thread fills.
 class Feed {
  public:
