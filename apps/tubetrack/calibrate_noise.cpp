@@ -41,7 +41,8 @@ Expected<PixelHistory> watch(FrameSource& source, std::int64_t& corrupt) {
   while (!interrupted()) {
     const FrameOutcome outcome = source.next(frame, std::chrono::milliseconds(100));
     if (outcome == FrameOutcome::end_of_stream) break;
-    if (outcome == FrameOutcome::device_lost) return tl::make_unexpected(Error::failed(source.last_problem()));
+    if (outcome == FrameOutcome::device_lost)
+      return tl::make_unexpected(Error::failed(fmt::format("{}: {}", source.info().name, source.last_problem())));
     if (outcome == FrameOutcome::corrupt) ++corrupt;
     if (outcome != FrameOutcome::ok) continue;
     if (auto added = add_frame(history, frame); !added) return tl::make_unexpected(added.error());

@@ -28,6 +28,7 @@ class FramesOf final : public FrameSource {
 
   const StreamInfo& info() const override { return source_->info(); }
   const std::string& last_problem() const override { return source_->last_problem(); }
+  std::string take_note() override { return source_->take_note(); }
   std::int64_t dropped() const override { return source_->dropped(); }
 
   FrameOutcome next(DepthFrame& frame, std::chrono::milliseconds patience) override {

@@ -54,7 +54,8 @@ Expected<std::vector<TubeFrame>> track_recording(const EvalOptions& options, con
     const FrameOutcome outcome = source.next(frame, std::chrono::milliseconds(100));
     if (outcome == FrameOutcome::timeout) continue;
     if (outcome == FrameOutcome::end_of_stream) break;
-    if (outcome == FrameOutcome::device_lost) return tl::make_unexpected(Error::failed(source.last_problem()));
+    if (outcome == FrameOutcome::device_lost)
+      return tl::make_unexpected(Error::failed(fmt::format("{}: {}", source.info().name, source.last_problem())));
     results.push_back(track_or_explain(outcome, frame, source.last_problem(), source.info(), *tracker));
   }
   return results;

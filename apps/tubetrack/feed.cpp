@@ -11,7 +11,8 @@ namespace {
 
 constexpr std::chrono::milliseconds kPatience{100};  ///< how long Ctrl-C may have to wait for a silent source
 
-/// Owns its pixels afterwards: a queued frame outlives the source's next call.
+}  // namespace
+
 DepthFrame kept(const DepthFrame& frame) {
   if (frame.keep_alive || frame.pixels == nullptr) return frame;
   auto pixels = std::make_shared<std::vector<std::uint16_t>>();
@@ -23,8 +24,6 @@ DepthFrame kept(const DepthFrame& frame) {
   copy.keep_alive = std::move(pixels);
   return copy;
 }
-
-}  // namespace
 
 Feed::Feed(FrameSource& source, const RunOptions& options)
     : source_(source), options_(options), queue_(options.queue_frames) {
@@ -51,9 +50,18 @@ std::int64_t Feed::dropped() const {
   return source_dropped_ + queue_.dropped();
 }
 
+std::vector<std::string> Feed::take_notes() {
+  const std::lock_guard lock(notes_mutex_);
+  return std::exchange(notes_, {});
+}
+
 Expected<QueuedFrame> Feed::fetch() {
   QueuedFrame item;
   item.outcome = source_.next(item.frame, kPatience);
+  if (auto note = source_.take_note(); !note.empty()) {
+    const std::lock_guard lock(notes_mutex_);
+    notes_.push_back(std::move(note));
+  }
   source_dropped_ = source_.dropped();
   if (item.outcome == FrameOutcome::corrupt || item.outcome == FrameOutcome::device_lost) {
     item.problem = source_.last_problem();

@@ -62,6 +62,7 @@ Expected<void> record_frames(FrameSource& source, Target& target, bool quiet, Co
   DepthFrame frame;
   while (!interrupted()) {
     const FrameOutcome outcome = source.next(frame, kPatience);
+    if (const std::string note = source.take_note(); !note.empty() && !quiet) fmt::print(stderr, "note: {}\n", note);
     if (outcome == FrameOutcome::end_of_stream) break;
     if (outcome == FrameOutcome::corrupt) ++counts.corrupt;
     if (outcome == FrameOutcome::device_lost) {

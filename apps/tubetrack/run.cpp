@@ -17,6 +17,7 @@
 #include "tubetrack/report/overlay.hpp"
 #include "tubetrack/report/result_json.hpp"
 #include "tubetrack/report/summary.hpp"
+#include "view.hpp"
 
 namespace tubetrack {
 
@@ -108,6 +109,7 @@ struct Run {
   Feed feed;
   Progress progress;
   LiveStatus status;
+  View* view;  ///< none without --view
   RunSummary summary;
   bool radius_checked = false;
   bool lost = false;            ///< and not back yet
@@ -167,8 +169,16 @@ Expected<void> handle(Run& run, const QueuedFrame& item) {
     const auto path = run.options.overlay_dir / fmt::format("{:06}.png", result.frame);
     if (auto written = write_overlay(path, item.frame, info.intrinsics, result); !written) return written;
   }
+  if (run.view != nullptr && item.frame.pixels != nullptr) run.view->show(item.frame, result);
   run.progress.show(run.summary);
   return {};
+}
+
+void tell_notes(Run& run) {
+  for (const std::string& note : run.feed.take_notes()) {
+    run.progress.clear();
+    if (!run.options.quiet) fmt::print(stderr, "note: {}\n", note);
+  }
 }
 
 void tell_status(Run& run) {
@@ -183,6 +193,7 @@ Expected<void> loop(Run& run) {
   while (!interrupted()) {
     auto item = run.feed.next();
     if (!item) return tl::make_unexpected(item.error());
+    tell_notes(run);
     tell_status(run);
     if (item->outcome == FrameOutcome::timeout) continue;
     if (item->outcome == FrameOutcome::end_of_stream) return {};
@@ -264,6 +275,12 @@ int run_tracker(FrameSource& source, TubeTracker& tracker, const RunOptions& opt
   if (!options.overlay_dir.empty()) {
     if (auto made = make_folder(options.overlay_dir); !made) return report_error(made.error());
   }
+  std::unique_ptr<View> view;
+  if (options.view) {
+    auto opened = View::open("tubetrack: " + source.info().name, source.info().intrinsics);
+    if (!opened) return report_error(opened.error());
+    view = std::move(*opened);
+  }
   catch_interrupts();
   Run run{source,
           tracker,
@@ -272,6 +289,7 @@ int run_tracker(FrameSource& source, TubeTracker& tracker, const RunOptions& opt
           {source, options},
           {options.quiet, source.info().frame_count},
           LiveStatus(options.status_every_s),
+          view.get(),
           {}};
   const auto ended = loop(run);
   run.progress.clear();

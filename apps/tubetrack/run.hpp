@@ -14,6 +14,7 @@ namespace tubetrack {
 struct RunOptions {
   std::filesystem::path out;          ///< JSON lines; empty: stdout
   std::filesystem::path overlay_dir;  ///< one PNG a frame; empty: none
+  bool view = false;                  ///< a window with the newest result
   bool with_timing = true;            ///< latency_ms and stages_ms in the lines
   bool strict = false;                ///< one bad frame makes the exit code 1
   bool quiet = false;                 ///< no progress bar, no summary

@@ -131,6 +131,9 @@ void add_tracker_flags(CLI::App& command, TrackOptions& options) {
 void add_output_flags(CLI::App& command, TrackOptions& options) {
   command.add_option("--out", options.out, "write the JSON lines here instead of to stdout")->type_name("FILE.jsonl");
   command.add_option("--overlay", options.overlay, "also write a picture a frame into this folder")->type_name("DIR");
+  command.add_flag(
+      "--view", options.view,
+      "show the depth and the tubes in a window as they come; q, Esc or closing it ends the run as Ctrl-C");
   command.add_flag("--no-timing", options.no_timing, "leave times out of the lines: equal runs give equal bytes");
   command.add_flag("--strict", options.strict, "exit with 1 if a single frame was bad");
   command.add_flag("--quiet", options.quiet, "no progress, notes or summary on stderr; errors only");
@@ -192,6 +195,7 @@ RunOptions run_options_from(const TrackOptions& options, const TrackerConfig& co
   RunOptions run;
   run.out = options.out;
   run.overlay_dir = options.overlay;
+  run.view = options.view;
   run.with_timing = !options.no_timing;
   run.strict = options.strict;
   run.quiet = options.quiet;

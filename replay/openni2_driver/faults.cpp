@@ -21,17 +21,18 @@ struct FaultWord {
 
 const double kNoDefault = std::nan("");
 
-const std::array<FaultWord, 8> kWords = {{{"stall", FaultKind::stall, kNoDefault},
+const std::array<FaultWord, 9> kWords = {{{"stall", FaultKind::stall, kNoDefault},
                                           {"unplug", FaultKind::unplug, -1.0},
                                           {"time", FaultKind::time, kNoDefault},
                                           {"clock", FaultKind::clock, kNoDefault},
                                           {"burst", FaultKind::burst, kNoDefault},
                                           {"drop", FaultKind::drop, 1.0},
                                           {"cut", FaultKind::cut, 1.0},
-                                          {"hang", FaultKind::hang, kNoDefault}}};
+                                          {"hang", FaultKind::hang, kNoDefault},
+                                          {"still", FaultKind::still, 1e9}}};
 
 bool counts_frames(FaultKind kind) {
-  return kind == FaultKind::burst || kind == FaultKind::drop || kind == FaultKind::cut;
+  return kind == FaultKind::burst || kind == FaultKind::drop || kind == FaultKind::cut || kind == FaultKind::still;
 }
 
 bool may_be_negative(FaultKind kind) {
@@ -78,9 +79,9 @@ Expected<std::vector<Fault>> read_fault_script(const std::filesystem::path& path
     if (text.find_first_not_of(" \t\r") == std::string::npos) continue;
     const auto fault = parse(text);
     if (!fault) {
-      return tl::make_unexpected(
-          Error::usage(fmt::format("{}:{}: got '{}', takes FRAME stall|unplug|time|clock|burst|drop|cut|hang AMOUNT",
-                                   path.string(), number_of_line, line)));
+      return tl::make_unexpected(Error::usage(
+          fmt::format("{}:{}: got '{}', takes FRAME stall|unplug|time|clock|burst|drop|cut|hang|still AMOUNT",
+                      path.string(), number_of_line, line)));
     }
     if (!script.empty() && fault->frame < script.back().frame) {
       return tl::make_unexpected(
@@ -93,7 +94,7 @@ Expected<std::vector<Fault>> read_fault_script(const std::filesystem::path& path
 }
 
 std::optional<Fault> fault_of_command(int id, std::int32_t value) {
-  if (id < kFirstFaultCommand || id > fault_command(FaultKind::hang)) return {};
+  if (id < kFirstFaultCommand || id > fault_command(FaultKind::still)) return {};
   const auto kind = static_cast<FaultKind>(id - kFirstFaultCommand);
   return Fault{kind, counts_frames(kind) ? value : value * 1e-3, 0};
 }
@@ -117,6 +118,7 @@ FaultTurn Faults::next_turn() {
   turn.at_once = take_one(burst_left_);
   turn.drop = take_one(drop_left_);
   turn.cut = take_one(cut_left_);
+  turn.still = take_one(still_left_);
   return turn;
 }
 
@@ -152,6 +154,9 @@ void Faults::apply(const Fault& fault) {
       break;
     case FaultKind::hang:
       hang_s_ = fault.amount;
+      break;
+    case FaultKind::still:
+      still_left_ = static_cast<int>(fault.amount);
       break;
   }
 }

@@ -13,11 +13,11 @@
 namespace tubetrack {
 
 /// What can be made to go wrong with the virtual device (docs/live.md has the words and their units).
-enum class FaultKind { stall, unplug, replug, time, clock, burst, drop, cut, hang };
+enum class FaultKind { stall, unplug, replug, time, clock, burst, drop, cut, hang, still };
 
 struct Fault {
   FaultKind kind = FaultKind::stall;
-  double amount = 0.0;     ///< seconds, or a number of frames (burst, drop, cut); unplug: below 0 stays away
+  double amount = 0.0;     ///< seconds, or a number of frames (burst, drop, cut, still); unplug: below 0 stays away
   std::int64_t frame = 0;  ///< before which frame, counted from 0 since the driver was loaded
 };
 
@@ -40,6 +40,7 @@ struct FaultTurn {
   bool at_once = false;       ///< ahead of its time
   bool drop = false;
   bool cut = false;                      ///< half of its rows are missing
+  bool still = false;                    ///< it has the timestamp of the frame before
   std::optional<double> unplug_for_s{};  ///< instead of the frame; below 0: for good
 };
 
@@ -67,6 +68,7 @@ class Faults {
   int burst_left_ = 0;
   int drop_left_ = 0;
   int cut_left_ = 0;
+  int still_left_ = 0;
 };
 
 }  // namespace tubetrack

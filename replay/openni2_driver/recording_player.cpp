@@ -158,6 +158,8 @@ std::int64_t RecordingPlayer::play_once(FrameSource& source, const std::stop_tok
     if (!send) continue;
     frame.timestamp_s += turn.time_shift_s + zero_shift_s_;
     if (frame.timestamp_s < 0.0) zero_shift_s_ -= std::exchange(frame.timestamp_s, 0.0);
+    if (turn.still && last_sent_s_) frame.timestamp_s = *last_sent_s_;
+    last_sent_s_ = frame.timestamp_s;
     callbacks_.on_frame(frame, turn.cut);
     ++sent_;
   }

@@ -6,6 +6,7 @@
 #include <functional>
 #include <memory>
 #include <mutex>
+#include <optional>
 #include <string>
 #include <thread>
 
@@ -95,6 +96,7 @@ class RecordingPlayer {
   std::int64_t sent_ = 0;
   std::int64_t next_index_ = 0;
   double next_timestamp_s_ = 0.0;  ///< where a repeat would go on
+  std::optional<double> last_sent_s_;
   std::mutex mutex_;
   std::condition_variable_any wake_;
   std::jthread thread_;  ///< last: it uses everything above

@@ -24,17 +24,17 @@ struct TubeOutline {
   std::vector<std::optional<cv::Point2d>> middle, left, right;  ///< empty: behind the camera
 };
 
-/// Depth between its 2nd and 98th percentile, near bright, no return black. Square root, since a scene's tubes are in
-/// front and its far walls would take up the greys.
-cv::Mat grey_picture(const DepthFrame& frame) {
+/// Depth between its 2nd and 98th percentile as 1 (near) to 0, no return below 0. Square root, since a scene's tubes
+/// are in front and its far walls would take up the shades.
+cv::Mat nearness(const DepthFrame& frame) {
   std::vector<std::uint16_t> values;
   for (int v = 0; v < frame.height; v += 3) {
     for (int u = 0; u < frame.width; u += 3) {
       if (frame.row(v)[u] != 0) values.push_back(frame.row(v)[u]);
     }
   }
-  cv::Mat picture(frame.height, frame.width, CV_8UC3, cv::Scalar(0, 0, 0));
-  if (values.empty()) return picture;
+  cv::Mat near(frame.height, frame.width, CV_32F, cv::Scalar(-1.0));
+  if (values.empty()) return near;
   std::sort(values.begin(), values.end());
   const double near_units = values[values.size() / 50];
   const double far_units = std::max<double>(values[values.size() - 1 - values.size() / 50], near_units + 1.0);
@@ -43,10 +43,34 @@ cv::Mat grey_picture(const DepthFrame& frame) {
       const std::uint16_t units = frame.row(v)[u];
       if (units == 0) continue;
       const double part = std::clamp((units - near_units) / (far_units - near_units), 0.0, 1.0);
-      const auto grey = static_cast<unsigned char>(185.0 - 140.0 * std::sqrt(part));
+      near.at<float>(v, u) = static_cast<float>(1.0 - std::sqrt(part));
+    }
+  }
+  return near;
+}
+
+cv::Mat grey_picture(const DepthFrame& frame) {
+  const cv::Mat near = nearness(frame);
+  cv::Mat picture(near.size(), CV_8UC3, cv::Scalar(0, 0, 0));
+  for (int v = 0; v < near.rows; ++v) {
+    for (int u = 0; u < near.cols; ++u) {
+      if (near.at<float>(v, u) < 0.0F) continue;
+      const auto grey = static_cast<unsigned char>(45.0 + 140.0 * near.at<float>(v, u));
       picture.at<cv::Vec3b>(v, u) = cv::Vec3b(grey, grey, grey);
     }
   }
+  return picture;
+}
+
+/// Darkened, so that what is drawn on it stands out.
+cv::Mat false_color_picture(const DepthFrame& frame) {
+  const cv::Mat near = nearness(frame);
+  cv::Mat shades;
+  near.convertTo(shades, CV_8U, 215.0, 30.0);  // without the ends of the scale, which are nearly black
+  cv::Mat picture;
+  cv::applyColorMap(shades, picture, cv::COLORMAP_TURBO);
+  picture *= 0.6;
+  picture.setTo(cv::Scalar(0, 0, 0), near < 0.0);
   return picture;
 }
 
@@ -146,21 +170,26 @@ void draw_tube(cv::Mat& picture, const Tube& tube, const Intrinsics& intrinsics,
   }
 }
 
+/// Tubes and caption onto the picture of the depth.
+void draw_result(cv::Mat& picture, const DepthFrame& frame, const Intrinsics& intrinsics, const TubeFrame& result,
+                 const std::string& more) {
+  const Eigen::Isometry3d camera_from_result = result.frame_id == "world" && frame.world_from_camera
+                                                   ? frame.world_from_camera->inverse()
+                                                   : Eigen::Isometry3d::Identity();
+  const double text_scale = std::max(0.4, 0.5 * frame.width / 640.0);
+  for (const Tube& tube : result.tubes) draw_tube(picture, tube, intrinsics, camera_from_result, text_scale);
+  const std::string caption = fmt::format("frame {}   {:.3f} s   {} tube{}   {}", result.frame, result.timestamp_s,
+                                          result.tubes.size(), result.tubes.size() == 1 ? "" : "s", more);
+  draw_text(picture, caption, {6, picture.rows - 8}, text_scale, cv::Scalar(255, 255, 255));
+}
+
 }  // namespace
 
 Expected<void> write_overlay(const std::filesystem::path& path, const DepthFrame& frame, const Intrinsics& intrinsics,
                              const TubeFrame& result) {
   try {
     cv::Mat picture = grey_picture(frame);
-    const Eigen::Isometry3d camera_from_result = result.frame_id == "world" && frame.world_from_camera
-                                                     ? frame.world_from_camera->inverse()
-                                                     : Eigen::Isometry3d::Identity();
-    const double text_scale = std::max(0.4, 0.5 * frame.width / 640.0);
-    for (const Tube& tube : result.tubes) draw_tube(picture, tube, intrinsics, camera_from_result, text_scale);
-    const std::string caption =
-        fmt::format("frame {}   {:.3f} s   {} tube{}   radius in mm", result.frame, result.timestamp_s,
-                    result.tubes.size(), result.tubes.size() == 1 ? "" : "s");
-    draw_text(picture, caption, {6, picture.rows - 8}, text_scale, cv::Scalar(255, 255, 255));
+    draw_result(picture, frame, intrinsics, result, "radius in mm");
     if (cv::imwrite(path.string(), picture)) return {};
     return tl::make_unexpected(
         Error::failed(fmt::format("{}: the overlay cannot be written; is the disk full?", path.string())));
@@ -168,6 +197,13 @@ Expected<void> write_overlay(const std::filesystem::path& path, const DepthFrame
     return tl::make_unexpected(
         Error::failed(fmt::format("{}: the overlay cannot be written: {}", path.string(), problem.err)));
   }
+}
+
+Picture draw_view(const DepthFrame& frame, const Intrinsics& intrinsics, const TubeFrame& result) {
+  cv::Mat picture = false_color_picture(frame);
+  draw_result(picture, frame, intrinsics, result,
+              fmt::format("latency {:.1f} ms   dropped {}", result.latency_ms, result.dropped));
+  return {picture.cols, picture.rows, {picture.datastart, picture.dataend}};
 }
 
 }  // namespace tubetrack

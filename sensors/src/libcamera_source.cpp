@@ -35,6 +35,7 @@ class LibcameraSource final : public FrameSource {
   const StreamInfo& info() const override { return info_; }
   FrameOutcome next(DepthFrame& frame, milliseconds patience) override;
   const std::string& last_problem() const override { return problem_; }
+  std::string take_note() override { return std::exchange(note_, {}); }
   std::int64_t dropped() const override { return dropped_; }
 
  private:
@@ -67,6 +68,7 @@ class LibcameraSource final : public FrameSource {
   MonoPacking packing_ = MonoPacking::words;
   std::shared_ptr<PixelPool> pool_;
   std::string problem_;
+  std::string note_;
   std::int64_t dropped_ = 0;
   std::optional<std::int64_t> first_sequence_;
   std::int64_t last_sequence_ = 0;
@@ -207,7 +209,12 @@ FrameOutcome LibcameraSource::hand_over(libcamera::Request& request, DepthFrame&
   frame.width = info_.intrinsics.width;
   frame.height = info_.intrinsics.height;
   const double device_s = static_cast<double>(metadata.timestamp) / 1e9;
+  const bool clock_stood_still = clock_.by_host();
   const auto stream_s = clock_.stamp(device_s, frame.received);
+  if (clock_.by_host() && !clock_stood_still) {
+    note_ = fmt::format("{}: the device's clock stands still at {:.6f} s; from frame {} on the host's is used",
+                        info_.name, device_s, frame.index);
+  }
   frame.timestamp_s = stream_s.value_or(clock_.shifted(device_s));
   const auto corrupt = [&](const std::string& why) {
     return refuse(FrameOutcome::corrupt, fmt::format("{}: frame {}: {}", info_.name, frame.index, why));

@@ -5,6 +5,7 @@
 #include <thread>
 #include <utility>
 
+#include "oni_process.hpp"
 #include "oni_structure.hpp"
 #include "openni2_runtime.hpp"
 #include "pixel_pool.hpp"
@@ -160,13 +161,11 @@ FrameOutcome OniFileSource::hand_over(const openni::VideoFrameRef& file_frame, D
 
 }  // namespace
 
-Expected<std::unique_ptr<FrameSource>> open_oni_file(const std::filesystem::path& path, const OpenNi2Options& options) {
+Expected<std::unique_ptr<FrameSource>> open_oni_file_here(const std::filesystem::path& path,
+                                                          const OpenNi2Options& options) {
   auto runtime = use_openni2();
   if (!runtime) return tl::make_unexpected(runtime.error());
-  // A relative path with a slash in it may look like a device to another driver.
-  std::error_code ignored;
-  const auto whole = std::filesystem::absolute(path, ignored);
-  auto source = std::make_unique<OniFileSource>(std::move(*runtime), ignored ? path : whole);
+  auto source = std::make_unique<OniFileSource>(std::move(*runtime), path);
   if (auto started = source->start(options); !started) return tl::make_unexpected(started.error());
   return source;
 }

@@ -47,6 +47,7 @@ class OpenNi2Source final : public FrameSource {
   const StreamInfo& info() const override { return info_; }
   FrameOutcome next(DepthFrame& frame, milliseconds patience) override;
   const std::string& last_problem() const override { return problem_; }
+  std::string take_note() override { return std::exchange(note_, {}); }
   std::int64_t dropped() const override { return dropped_; }
 
  private:
@@ -69,6 +70,7 @@ class OpenNi2Source final : public FrameSource {
   bool mirrored_ = false;
   std::shared_ptr<PixelPool> pool_;
   std::string problem_;
+  std::string note_;
   std::int64_t dropped_ = 0;
   std::optional<int> first_index_;
   int last_index_ = 0;
@@ -177,7 +179,12 @@ FrameOutcome OpenNi2Source::hand_over(const openni::VideoFrameRef& device_frame,
   frame.width = info_.intrinsics.width;
   frame.height = info_.intrinsics.height;
   const double device_s = static_cast<double>(device_frame.getTimestamp()) / 1e6;
+  const bool clock_stood_still = clock_.by_host();
   const auto stream_s = clock_.stamp(device_s, frame.received);
+  if (clock_.by_host() && !clock_stood_still) {
+    note_ = fmt::format("{}: the device's clock stands still at {:.6f} s; from frame {} on the host's is used",
+                        info_.name, device_s, frame.index);
+  }
   frame.timestamp_s = stream_s.value_or(clock_.shifted(device_s));
   if (!stream_s) {
     return refuse(FrameOutcome::corrupt, fmt::format("{}: frame {}: timestamp_s went back from {:.6f} to {:.6f}",

@@ -28,6 +28,7 @@ class ReconnectingSource final : public FrameSource {
 
   const StreamInfo& info() const override { return info_; }
   const std::string& last_problem() const override { return problem_; }
+  std::string take_note() override { return device_ ? device_->take_note() : std::string(); }
   std::int64_t dropped() const override { return dropped_before_ + (device_ ? device_->dropped() : 0); }
 
   FrameOutcome next(DepthFrame& frame, milliseconds patience) override;

@@ -93,6 +93,26 @@ TEST_F(LiveFaults, TheSummaryAndTheStatusLineTellLatencyJitterAndDrops) {
   EXPECT_THAT(errors(), HasSubstr(" median "));
 }
 
+TEST_F(LiveFaults, ADeviceWhoseClockStandsStillIsFollowedByTheHostsClockAndANoteSaysSoOnce) {
+  play_on_its_own("0.3", "3 still\n");
+  ASSERT_EQ(run({"live", "--frames", "0:12", "--out", lines()}), 0) << errors();
+  const std::string said = errors();
+  const std::size_t at = said.find("note: virtual:0: the device's clock stands still at ");
+  ASSERT_NE(at, std::string::npos) << said;
+  EXPECT_EQ(said.find("stands still", at + 60), std::string::npos) << said;
+  double last_s = -1.0;
+  int corrupt = 0;
+  for (const json& line : read_lines(lines())) {
+    if (line["status"] == "corrupt") {
+      ++corrupt;
+      continue;
+    }
+    EXPECT_GT(line["timestamp_s"], last_s);
+    last_s = line["timestamp_s"];
+  }
+  EXPECT_LE(corrupt, 3);
+}
+
 TEST_F(LiveFaults, CtrlCEndsARunWhoseDeviceIsAway) {
   play_on_its_own("1", "2 unplug\n");
   const pid_t pid = start({"live", "--out", lines()}, folder_);

@@ -171,6 +171,47 @@ TEST_F(OpenNi2Faults, AClockThatIsSetBackCostsOneFrameAndTimeGoesOn) {
   EXPECT_LT(last_s - images_[0].timestamp_s, 60.0);
 }
 
+TEST_F(OpenNi2Faults, AClockThatStandsStillForGoodCostsThreeFramesThenTheHostsIsUsedAndSaidOnce) {
+  plug_in(12);
+  script("3 still\n");
+  const auto source = open();
+  ASSERT_TRUE(source);
+  DepthFrame frame;
+  double last_s = 0.0;
+  std::vector<std::string> notes;
+  for (std::int64_t i = 0; i < 12; ++i) {
+    const bool still = i >= 3 && i < 6;
+    EXPECT_EQ(source->next(frame, kLong), still ? FrameOutcome::corrupt : FrameOutcome::ok) << i;
+    if (auto note = source->take_note(); !note.empty()) notes.push_back(note);
+    if (!still) {
+      EXPECT_GT(frame.timestamp_s, last_s) << i;
+      last_s = frame.timestamp_s;
+    }
+    allow_next();
+  }
+  EXPECT_LT(last_s - images_[0].timestamp_s, 60.0);
+  ASSERT_EQ(notes.size(), 1U);
+  EXPECT_THAT(notes[0], testing::MatchesRegex("virtual:0: the device's clock stands still at [0-9.]+ s; "
+                                              "from frame 6 on the host's is used"));
+}
+
+TEST_F(OpenNi2Faults, AClockThatGoesOnAfterTwoFramesIsBelievedAgain) {
+  plug_in(7);
+  script("3 still 2\n");
+  const auto source = open();
+  ASSERT_TRUE(source);
+  DepthFrame frame;
+  for (std::int64_t i = 0; i < 7; ++i) {
+    const bool still = i == 3 || i == 4;
+    EXPECT_EQ(source->next(frame, kLong), still ? FrameOutcome::corrupt : FrameOutcome::ok) << i;
+    if (!still) {
+      EXPECT_EQ(frame.timestamp_s, images_[static_cast<std::size_t>(i)].timestamp_s) << i;
+    }
+    allow_next();
+  }
+  EXPECT_EQ(source->take_note(), "");
+}
+
 TEST_F(OpenNi2Faults, AFrameWithRowsMissingIsCorruptAndTheNextIsGood) {
   plug_in(4);
   script("1 cut\n");

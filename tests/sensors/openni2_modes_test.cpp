@@ -1,15 +1,22 @@
 // What an OpenNI2 device can be set to, against the real runtime with the virtual device: modes, units, mirroring,
 // cropping, where intrinsics come from; and .oni files.
 #include <dlfcn.h>
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <array>
+#include <chrono>
+#include <csignal>
 #include <cstdint>
+#include <cstdio>
 #include <cstdlib>
 #include <fstream>
 #include <iterator>
+#include <map>
+#include <random>
 #include <string>
 #include <vector>
 
@@ -149,9 +156,24 @@ class OniFile : public OpenNi2Modes {
     }
   }
 
+  /// The process that decodes for this one; 0 where there is none.
+  static pid_t reader_process() {
+    for (const auto& entry : test::fs::directory_iterator("/proc")) {
+      std::ifstream in(entry.path() / "stat");
+      std::string pid;
+      std::string name;
+      std::string state;
+      pid_t parent = 0;
+      if (in >> pid >> name >> state >> parent && parent == getpid() && name.starts_with("(tubetrack_oni_")) {
+        return static_cast<pid_t>(std::stoi(pid));
+      }
+    }
+    return 0;
+  }
+
   /// Twelve frames.
-  test::fs::path record() {
-    plug_in(12);
+  test::fs::path record(const Intrinsics& in = {40, 30, 35.5, 36.5, 19.5, 14.5, {}}) {
+    plug_in(12, 0.001, in);
     make_recordable();
     OpenNi2Options options;
     options.record_oni = folder_ / "desk.oni";
@@ -199,6 +221,59 @@ TEST_F(OniFile, WhatIsCutEmptyOrSomethingElseIsRefusedInOneLine) {
     EXPECT_THAT(file.error().message, HasSubstr("broken.oni: can't be read as .oni: "));
     EXPECT_EQ(file.error().message.find('\n'), std::string::npos);
   }
+}
+
+TEST_F(OniFile, WhenItsReaderCrashesTheStreamEndsWithOneClearLine) {
+  const auto path = record({160, 120, 150.0, 150.0, 79.5, 59.5, {}});  // more than the socket between the two holds
+  const auto file = open_oni_file(path, {});
+  ASSERT_TRUE(file) << file.error().message;
+  DepthFrame frame;
+  ASSERT_EQ((*file)->next(frame, kLong), FrameOutcome::ok);
+  const pid_t reader = reader_process();
+  ASSERT_GT(reader, 0);
+  kill(reader, SIGSEGV);
+  FrameOutcome outcome = FrameOutcome::ok;
+  std::int64_t good = 1;
+  while ((outcome = (*file)->next(frame, kLong)) == FrameOutcome::ok) ++good;
+  ASSERT_EQ(outcome, FrameOutcome::device_lost);
+  EXPECT_EQ((*file)->last_problem(),
+            fmt::format("the OpenNI2 runtime crashed reading it after {} frame(s); the file is "
+                        "damaged",
+                        good));
+}
+
+TEST_F(OniFile, FlippedBytesNeverTakeTheProgramDownNorHangIt) {
+  const auto path = record();
+  std::ifstream in(path, std::ios::binary);
+  const std::string whole{std::istreambuf_iterator<char>(in), {}};
+  const std::size_t size = whole.find_last_not_of('\0');
+  const auto broken = folder_ / "broken.oni";
+  std::mt19937 random(11);
+  std::map<std::string, int> ends;
+  for (int round = 0; round < 40; ++round) {
+    std::string bytes = whole;
+    // Most crashes come of the records before the first frame.
+    const std::size_t last = round % 2 == 0 ? 1000 : size;
+    for (int flips = 1 << round % 5; flips > 0; --flips) {
+      bytes[std::uniform_int_distribution<std::size_t>(24, last)(random)] ^= static_cast<char>(random() & 0xffU);
+    }
+    std::ofstream(broken, std::ios::binary | std::ios::trunc) << bytes;
+    const auto began = std::chrono::steady_clock::now();
+    const auto file = open_oni_file(broken, {});
+    if (!file) {
+      EXPECT_THAT(file.error().message, HasSubstr("broken.oni: "));
+      ++ends[file.error().message.find("crashed") == std::string::npos ? "refused" : "crashed"];
+    } else {
+      DepthFrame frame;
+      FrameOutcome outcome = FrameOutcome::ok;
+      while (outcome != FrameOutcome::end_of_stream && outcome != FrameOutcome::device_lost) {
+        outcome = (*file)->next(frame, std::chrono::milliseconds(1000));
+      }
+      ++ends[outcome == FrameOutcome::device_lost ? "lost" : "played to its end"];
+    }
+    EXPECT_LT(std::chrono::steady_clock::now() - began, std::chrono::seconds(30)) << round;
+  }
+  for (const auto& [end, count] : ends) std::printf("%s: %d\n", end.c_str(), count);
 }
 
 TEST_F(OniFile, ClosingInTheMiddleAndAtTheEndIsQuiet) {

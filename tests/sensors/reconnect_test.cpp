@@ -147,5 +147,18 @@ TEST(StreamClock, ATimeThatGoesBackIsRefusedOnceAndAClockSetAnewGoesOn) {
   EXPECT_NEAR(clock.stamp(1.3, at(0.9)).value_or(0.0), 10.7, 1e-9) << "the device's own pace";
 }
 
+TEST(StreamClock, AClockThatStandsStillIsReplacedByTheHostsForGood) {
+  StreamClock clock;
+  const auto start = steady_clock::now();
+  const auto stamp = [&](double device_s, int host_ms) { return clock.stamp(device_s, start + milliseconds(host_ms)); };
+  EXPECT_EQ(stamp(10.0, 0), 10.0);
+  for (int i = 1; i <= 3; ++i) EXPECT_EQ(stamp(10.0, 100 * i), std::nullopt) << i;
+  EXPECT_FALSE(clock.by_host());
+  EXPECT_NEAR(stamp(10.0, 400).value_or(0.0), 10.4, 1e-9) << "since the last good one";
+  EXPECT_TRUE(clock.by_host());
+  EXPECT_NEAR(stamp(10.0, 500).value_or(0.0), 10.5, 1e-9);
+  EXPECT_NEAR(stamp(12.0, 600).value_or(0.0), 10.6, 1e-9) << "whatever it says now: it may go in steps of a second";
+}
+
 }  // namespace
 }  // namespace tubetrack

@@ -36,6 +36,10 @@ class FrameSource {
   /// Why the last call gave `corrupt` or `device_lost`, in one line.
   virtual const std::string& last_problem() const = 0;
 
+  /// What people should know of the stream, in one line, and once: empty when asked again, and mostly. To be asked on
+  /// the thread that calls `next`.
+  virtual std::string take_note() { return {}; }
+
   /// Frames the source itself had to skip so far (a device that outran us).
   virtual std::int64_t dropped() const { return 0; }
 };

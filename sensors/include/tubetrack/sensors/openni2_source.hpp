@@ -46,8 +46,9 @@ Expected<std::unique_ptr<FrameSource>> open_openni2_reconnecting(const std::stri
 
 /// Opens a `.oni` file as a recording: every frame in order, unmirrored, then `end_of_stream`; the runtime's own
 /// reader. A file that is cut, empty or no `.oni` is refused. One that stops in the middle ends with a `corrupt` frame:
-/// it is damaged there. The runtime's decoder is not bounded: play files of strangers elsewhere. Only width, height and
-/// unit of the options can't be asked of a file.
+/// it is damaged there. The runtime's decoder does not check what it reads, so it runs in a process of its own where
+/// the program `tubetrack_oni_reader` lies beside the running one: when it crashes, opening fails, or the file ends
+/// with `device_lost`. Of the options only intrinsics_px can be asked of a file.
 Expected<std::unique_ptr<FrameSource>> open_oni_file(const std::filesystem::path& path, const OpenNi2Options& options);
 
 }  // namespace tubetrack
