@@ -127,10 +127,12 @@ void TileLedger::take_row_of_tiles(const HeightMap& map, int row, Heights& heigh
   }
 }
 
-std::span<const Region> TileLedger::take_due(const HeightMap& map, Heights& heights) {
-  std::fill(taken_.begin(), taken_.end(), std::uint8_t{0});
+std::span<const Region> TileLedger::take_due(const HeightMap& map, Heights& heights, Workers& workers) {
   std::fill(affected_.begin(), affected_.end(), std::uint8_t{0});
-  for (int row = 0; row < rows_; ++row) take_row_of_tiles(map, row, heights);
+  workers.run([&](int i) {
+    const Part rows = part_of(rows_, i, workers.count());
+    for (int row = rows.begin; row < rows.end; ++row) take_row_of_tiles(map, row, heights);
+  });
   started_ = true;
   for (int row = 0; row < rows_; ++row) {
     for (int column = 0; column < columns_; ++column) {
