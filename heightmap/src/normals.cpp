@@ -63,7 +63,8 @@ std::span<const Surfel> SurfelFinder::find(const HeightMap& map, const NoiseMode
   if (s.rule != rule || s.edge_rule != edge_rule) s.tiles.forget();
   s.rule = rule;
   s.edge_rule = edge_rule;
-  find_in_regions(rule, edge_rule, s.tiles.take_due(map, s.work.heights, workers), s.work, workers);
+  const std::span<const Region> regions = s.tiles.take_due(map, s.work.heights, workers);
+  find_in_regions(rule, edge_rule, regions, s.tiles.affected(), s.work, workers);
   list_surfels(s.work, skip, s.surfels);
   return s.surfels;
 }

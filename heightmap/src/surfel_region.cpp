@@ -39,17 +39,46 @@ void replace_found(const Region& region, int v, const BandWork& band, SurfelWork
   }
 }
 
-void find_in_region(const SurfelRule& rule, const Region& region, BandWork& band, SurfelWork& work) {
+/// The columns in which planes of row `v` are needed: by the surfels of that row, half a window aside, and by those
+/// half a window above and below. Whole vectors.
+Region plane_columns(const Region& region, const AffectedTiles& affected, int v, int half) {
+  Region all{region.u_end, region.u_begin, v, v + 1};
+  const auto take_in = [&](int row, int aside_px) {
+    if (row < region.v_begin || row >= region.v_end) return;
+    const Region columns = affected.row_of(region, row);
+    if (columns.u_begin >= columns.u_end) return;
+    all.u_begin = std::min(all.u_begin, columns.u_begin - aside_px);
+    all.u_end = std::max(all.u_end, (columns.u_end + 15) / 16 * 16 + aside_px);
+  };
+  take_in(v - half, 0);
+  take_in(v, kPlanesReach_px);
+  take_in(v + half, 0);
+  return all;
+}
+
+/// The surfels of one row, from planes that are there.
+void find_in_row(const SurfelRule& rule, const Region& columns, BandWork& band, SurfelWork& work) {
+  std::fill(band.row_found.begin(), band.row_found.end(), std::uint64_t{0});
+  const int u_end = (columns.u_end + 15) / 16 * 16;
+  for (std::size_t size = kWindowSizes; size-- > 0;) {
+    surfels_of_row(rule, band.planes[size], work.rays, work.heights.grid, columns.v_begin, columns.u_begin, u_end,
+                   band.candidates.data(), band.row_found.data(), band.row_surfels.data());
+  }
+  replace_found(columns, columns.v_begin, band, work);
+}
+
+void find_in_region(const SurfelRule& rule, const Region& region, const AffectedTiles& affected, BandWork& band,
+                    SurfelWork& work) {
   const Grid& grid = work.heights.grid;
   const int u_end = (region.u_end + 15) / 16 * 16;
-  const int columns = u_end - region.u_begin + 2 * kPlanesReach_px;
   // Sums are made in whole blocks.
   const int sums_begin = (region.u_begin + kMargin_px - kSumsReach_px) / kSumBlock_px * kSumBlock_px - kMargin_px;
   const int sums_end =
       (u_end + kMargin_px + kSumsReach_px + kSumBlock_px - 1) / kSumBlock_px * kSumBlock_px - kMargin_px;
   band.sums.start(sums_begin, sums_end - sums_begin);
   for (std::size_t size = 0; size < kWindowSizes; ++size) {
-    band.planes[size].start(kWindowHalfSizes_px[size], region.u_begin - kPlanesReach_px, columns);
+    band.planes[size].start(kWindowHalfSizes_px[size], region.u_begin - kPlanesReach_px,
+                            u_end - region.u_begin + 2 * kPlanesReach_px);
   }
   int summed = std::max(0, region.v_begin - kSurfelReach_px);
   for (int v = region.v_begin - kSurfelReach_px; v < region.v_end; ++v) {
@@ -59,16 +88,15 @@ void find_in_region(const SurfelRule& rule, const Region& region, BandWork& band
     for (std::size_t size = kWindowSizes; size-- > 0;) {
       const int half = kWindowHalfSizes_px[size];
       if (v + 2 * half < region.v_begin) continue;
+      const Region columns = plane_columns(region, affected, v + half, half);
+      if (columns.u_begin >= columns.u_end) continue;
       const Windows& windows = work.fits.windows[size];
-      planes_of_row(band.sums, windows.fits, windows.holes, v + half, band.planes[size]);
+      planes_of_row(band.sums, windows.fits, windows.holes, v + half, columns.u_begin, columns.u_end,
+                    band.planes[size]);
     }
     if (v < region.v_begin) continue;
-    std::fill(band.row_found.begin(), band.row_found.end(), std::uint64_t{0});
-    for (std::size_t size = kWindowSizes; size-- > 0;) {
-      surfels_of_row(rule, band.planes[size], work.rays, grid, v, region.u_begin, u_end, band.candidates.data(),
-                     band.row_found.data(), band.row_surfels.data());
-    }
-    replace_found(region, v, band, work);
+    const Region columns = affected.row_of(region, v);
+    if (columns.u_begin < columns.u_end) find_in_row(rule, columns, band, work);
   }
 }
 
@@ -93,6 +121,16 @@ Part band_of(std::span<const Region> regions, int height, int i, int count) {
 }
 
 }  // namespace
+
+Region AffectedTiles::row_of(const Region& region, int v) const {
+  if (!tiles) return {region.u_begin, region.u_end, v, v + 1};
+  const std::uint8_t* row = tiles + static_cast<std::ptrdiff_t>(v / kAffectedRows_px) * columns;
+  int first = region.u_begin / kTileWidth_px;
+  int end = (region.u_end + kTileWidth_px - 1) / kTileWidth_px;
+  while (first < end && !row[first]) ++first;
+  while (first < end && !row[end - 1]) --end;
+  return {first * kTileWidth_px, std::min(end * kTileWidth_px, region.u_end), v, v + 1};
+}
 
 void prepare(const HeightMap& map, int threads, SurfelWork& work) {
   const Grid grid{map.intrinsics.width, map.intrinsics.height};
@@ -127,7 +165,7 @@ void prepare(const HeightMap& map, int threads, SurfelWork& work) {
 }
 
 void find_in_regions(const SurfelRule& rule, const EdgeRule& edge_rule, std::span<const Region> regions,
-                     SurfelWork& work, Workers& workers) {
+                     const AffectedTiles& affected, SurfelWork& work, Workers& workers) {
   const auto each = [&](const auto& step) {
     workers.run([&](int i) {
       const Part rows = band_of(regions, work.heights.grid.height, i, workers.count());
@@ -141,7 +179,7 @@ void find_in_regions(const SurfelRule& rule, const EdgeRule& edge_rule, std::spa
   each([&](const Region& region, BandWork&) { compare_cells(work.heights, edge_rule, words_of(region), work.fits); });
   each([&](const Region& region, BandWork&) { find_borders(work.heights, edge_rule, words_of(region), work.fits); });
   each([&](const Region& region, BandWork& band) { fit_windows(words_of(region), work.fits, band.spread); });
-  each([&](const Region& region, BandWork& band) { find_in_region(rule, region, band, work); });
+  each([&](const Region& region, BandWork& band) { find_in_region(rule, region, affected, band, work); });
 }
 
 }  // namespace tubetrack

@@ -43,6 +43,19 @@ struct Region {
   int v_end = 0;
 };
 
+/// Rows are affected by so many at once. (Columns by tiles: what is computed from them goes by vectors.)
+inline constexpr int kAffectedRows_px = 8;
+
+/// Where within regions surfels depend on heights that have changed.
+struct AffectedTiles {
+  const std::uint8_t* tiles =
+      nullptr;      ///< a flag for each kAffectedRows_px rows of each column of tiles; none: all are
+  int columns = 0;  ///< of tiles
+
+  /// The columns [u_begin, u_end) of a region's row that are affected, and what is between them; v_begin is v.
+  Region row_of(const Region& region, int v) const;
+};
+
 void prepare(const HeightMap& map, int threads, SurfelWork& work);
 
 /// The map's heights and variances of a region, in integer units. `holes`, one a column of the region's tiles, becomes
@@ -53,6 +66,6 @@ void take_heights(const HeightMap& map, const Region& region, Heights& out, std:
 /// rows, so that all bands are about as much work; as sums are exact, what is found does not depend on where they
 /// begin.
 void find_in_regions(const SurfelRule& rule, const EdgeRule& edge_rule, std::span<const Region> regions,
-                     SurfelWork& work, Workers& workers);
+                     const AffectedTiles& affected, SurfelWork& work, Workers& workers);
 
 }  // namespace tubetrack

@@ -63,8 +63,8 @@ struct Neighbourhood {
 };
 
 /// Lists the cells that are worth the careful gate, few and far between: those without a bit in `found` (of the padded
-/// row) that bend down by more than the rule's screen. Returns how many. Columns are those of the planes: [begin, end) of
-/// them. `candidates` has room for all.
+/// row) that bend down by more than the rule's screen. Returns how many. Columns are those of the planes: [begin, end)
+/// of them. `candidates` has room for all.
 int list_candidates(const SurfelRule& rule, const Neighbourhood& n, int begin, int end, const std::uint64_t* found,
                     std::int32_t* candidates);
 

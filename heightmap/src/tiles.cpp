@@ -9,8 +9,7 @@ namespace {
 /// How far a changed cell reaches: its surfels, and an edge between neighbours, or across a gap, beside it.
 constexpr int kReach_px = kSurfelReach_px + 1;
 constexpr int kReachAcrossGaps_px = kSurfelReach_px + kGapLimit_px;
-/// Rows are affected by so many at once. (Columns by tiles: what is computed from them goes by vectors.)
-constexpr int kUnit_px = 8;
+constexpr int kUnit_px = kAffectedRows_px;
 constexpr int kUnitsPerTile = kTileHeight_px / kUnit_px;
 /// The map is gone through again in this many bands, one every few frames.
 constexpr int kBands = 4;

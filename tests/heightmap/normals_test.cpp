@@ -67,7 +67,7 @@ std::vector<WindowPlane> window_planes(const HeightMap& map, std::size_t size, b
   for (int v = 0; v < height; ++v) {
     for (; summed < std::min(height, v + half + 1); ++summed)
       work.bands[0].sums.add_row(work.heights, summed, near_holes.data());
-    planes_of_row(work.bands[0].sums, windows.fits, windows.holes, v, work.bands[0].planes[size]);
+    planes_of_row(work.bands[0].sums, windows.fits, windows.holes, v, 0, columns, work.bands[0].planes[size]);
     const PlaneRow row = work.bands[0].planes[size].row(v);
     for (int u = 0; u < width; ++u) {
       if (row.slope_u[u] >= kNoPlane) continue;

@@ -66,7 +66,7 @@ TEST(SurfelFinder, IncrementallyFindsBitForBitWhatItFindsAnewInTheSameHeights) {
   for (int frame = 0; frame < 150; ++frame) {
     update(map, patches.next(), {}, {}, true);
     const auto regions = ledger.take_due(map, work.heights, alone);
-    find_in_regions(rule, edge_rule, regions, work, alone);
+    find_in_regions(rule, edge_rule, regions, ledger.affected(), work, alone);
     int cells = 0;
     for (const Region& region : regions) cells += (region.u_end - region.u_begin) * (region.v_end - region.v_begin);
     partial += cells < 320 * 240 ? 1 : 0;
@@ -74,7 +74,7 @@ TEST(SurfelFinder, IncrementallyFindsBitForBitWhatItFindsAnewInTheSameHeights) {
     prepare(map, 1, anew);
     anew.heights = work.heights;
     const Region all{0, 320, 0, 240};
-    find_in_regions(rule, edge_rule, {&all, 1}, anew, alone);
+    find_in_regions(rule, edge_rule, {&all, 1}, {}, anew, alone);
     ASSERT_TRUE(same_found(work, anew)) << "frame " << frame;
   }
   EXPECT_GT(partial, 100);
@@ -100,10 +100,10 @@ TEST(SurfelFinder, LosesNothingToTheScreenOnBends) {
       prepare(map, 1, full);
       full.heights = screened.heights;
       SurfelRule rule(kCamera, screened.longest_ray2, {}, options);
-      find_in_regions(rule, EdgeRule({}, kCamera.fx_px), {&all, 1}, screened, alone);
+      find_in_regions(rule, EdgeRule({}, kCamera.fx_px), {&all, 1}, {}, screened, alone);
       ASSERT_GT(rule.screen_bend_per_m, 0.0F);
       rule.screen_bend_per_m = 0.0F;
-      find_in_regions(rule, EdgeRule({}, kCamera.fx_px), {&all, 1}, full, alone);
+      find_in_regions(rule, EdgeRule({}, kCamera.fx_px), {&all, 1}, {}, full, alone);
       ASSERT_TRUE(same_found(screened, full)) << radius_max_m << ' ' << frame;
     }
   }
