@@ -70,7 +70,7 @@ Expected<void> apply_view(const TrackOptions& options, TrackerConfig& config) {
 Expected<void> apply_machine(const TrackOptions& options, TrackerConfig& config) {
   if (!options.threads.empty()) {
     const auto threads = number_from<int>(options.threads);
-    if (!threads || *threads < 1) return malformed("--threads", options.threads, "a whole number from 1 to 64");
+    if (!threads || *threads < 1) return malformed("--threads", options.threads, "a whole number from 1 to 16");
     config.threads = *threads;
   }
   if (!options.deadline_ms.empty()) {
@@ -121,7 +121,7 @@ void add_tracker_flags(CLI::App& command, TrackOptions& options) {
   command.add_option("--map", options.map, "the height map's grid: image (the depth pixels)")->type_name("image");
   command
       .add_option("--threads", options.threads,
-                  "threads to track with (this version uses one whatever is said); results do not depend on it")
+                  "threads that share the work on each frame, 1 to 16 (default: 1); results do not depend on it")
       ->type_name("N");
   command.add_option("--config", options.config, "settings from a JSON file; flags win over it")->type_name("FILE");
   command.add_flag("--print-config", options.print_config,

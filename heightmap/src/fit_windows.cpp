@@ -31,7 +31,6 @@ void spread_hole_flags(const WordArea& area, WindowFits& out) {
 void WindowFits::resize(const Grid& grid) {
   edges.resize(grid);
   missing.resize(grid);
-  spread.resize(grid);
   for (Windows& size : windows) {
     size.fits.resize(grid);
     size.holes.resize(grid);
@@ -63,17 +62,17 @@ void find_borders(const Heights& heights, const EdgeRule& rule, const WordArea& 
   }
 }
 
-void fit_windows(const WordArea& area, WindowFits& out) {
+void fit_windows(const WordArea& area, WindowFits& out, BitImage& spread) {
   const Grid& grid = out.missing.grid;
   const WordArea rows{std::max(0, area.v_begin - kLargestHalf_px), std::min(grid.height, area.v_end + kLargestHalf_px),
                       area.word_begin, area.word_end};
   for (std::size_t size = 0; size < kWindowSizes; ++size) {
     const int half = kWindowHalfSizes_px[size];
     Windows& windows = out.windows[size];
-    spread_in_rows(out.missing, half, rows, out.spread);
-    spread_over_rows(out.spread, half, area, windows.holes);
-    spread_in_rows(out.edges.edges, half, rows, out.spread);
-    spread_over_rows(out.spread, half, area, windows.fits);
+    spread_in_rows(out.missing, half, rows, spread);
+    spread_over_rows(spread, half, area, windows.holes);
+    spread_in_rows(out.edges.edges, half, rows, spread);
+    spread_over_rows(spread, half, area, windows.fits);
     for (int v = area.v_begin; v < area.v_end; ++v) {
       const std::uint64_t* valid = out.edges.valid.row(v);
       std::uint64_t* fits = windows.fits.row(v);

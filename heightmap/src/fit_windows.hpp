@@ -21,7 +21,6 @@ struct Windows {
 struct WindowFits {
   Edges edges;
   BitImage missing;  ///< cells of the image without height
-  BitImage spread;   ///< scratch
   std::array<Windows, kWindowSizes> windows;
   /// By row and block of kSumBlock_px columns, from padded column 0: a hole in the block or the one beside it; and such
   /// a hole in any row that a window shares with this one.
@@ -37,9 +36,9 @@ struct WindowFits {
 
 /// The three steps to where windows fit in an area, each from what the one before left in it and around: first what two
 /// neighbours say, then edges and blocks beside holes, then windows. Areas that are worked on together go through each
-/// step together.
+/// step together. `spread` is scratch of the map's size.
 void compare_cells(const Heights& heights, const EdgeRule& rule, const WordArea& area, WindowFits& out);
 void find_borders(const Heights& heights, const EdgeRule& rule, const WordArea& area, WindowFits& out);
-void fit_windows(const WordArea& area, WindowFits& out);
+void fit_windows(const WordArea& area, WindowFits& out, BitImage& spread);
 
 }  // namespace tubetrack

@@ -38,6 +38,25 @@ HWY_INLINE std::uint64_t Bits(hn::Mask<D> mask) {
   return bytes[0] | static_cast<std::uint64_t>(bytes[1]) << 8;
 }
 
+/// One over each count.
+HWY_INLINE V Share(hn::Vec<DI> count) {
+  const D d;
+  const DI di;
+  // A division is slow; most cells have seen many frames.
+  if (hn::AllTrue(di, hn::Eq(count, hn::Set(di, kMaxCount)))) return hn::Set(d, 1.0F / kMaxCount);
+  return hn::Div(hn::Set(d, 1.0F), hn::ConvertTo(d, count));
+}
+
+/// Takes readings that agree with their cells, which have `count` of them now.
+HWY_INLINE void Refine(const CellRow& row, int i, hn::Vec<DI> count, V height, V moved, V variance) {
+  const D d;
+  const D8 d8;
+  const V share = Share(count);
+  hn::StoreU(hn::Add(height, hn::Mul(moved, share)), d, row.inverse_depth_per_m + i);
+  hn::StoreU(hn::Mul(variance, share), d, row.variance_per_m2 + i);
+  hn::StoreU(hn::DemoteTo(d8, count), d8, row.count + i);
+}
+
 /// One vector of cells, and which of them changed.
 HWY_INLINE Changed FuseCells(const FuseOptions& o, const CellRow& row, int i) {
   const D d;
@@ -81,10 +100,15 @@ HWY_INLINE Changed FuseCells(const FuseOptions& o, const CellRow& row, int i) {
   const auto strike = hn::And(known, hn::AndNot(again, beyond3));
 
   const auto more = hn::Min(hn::Add(count, hn::Set(di, 1)), hn::Set(di, kMaxCount));
+  if (hn::AllTrue(d, refine)) {  // nearly everywhere, where nothing moves
+    Refine(row, i, more, cell_height, moved, variance);
+    hn::StoreU(hn::Zero(d8), d8, row.strikes + i);
+    return {};
+  }
   auto new_count = hn::IfThenElseZero(hn::RebindMask(di, strike), count);
   new_count = hn::IfThenElse(hn::RebindMask(di, refine), more, new_count);
   new_count = hn::IfThenElse(hn::RebindMask(di, restart), hn::Set(di, 1), new_count);
-  const V share = hn::Div(one, hn::ConvertTo(d, more));
+  const V share = Share(more);
   V new_height = hn::IfThenElseZero(usable, cell_height);
   new_height = hn::IfThenElse(refine, hn::Add(cell_height, hn::Mul(moved, share)), new_height);
   new_height = hn::IfThenElse(restart, height, new_height);

@@ -44,6 +44,39 @@ void note_changes(HeightMap& map, int tile_row, bool all_new, std::span<const Ti
   }
 }
 
+/// The pixels of the region of interest.
+struct Roi {
+  int u_begin, u_end, v_begin, v_end;
+
+  Roi(const DepthFrame& frame, const HeightMapLimits& limits)
+      : u_begin(0), u_end(frame.width), v_begin(0), v_end(frame.height) {
+    if (limits.roi_width_px == 0 || limits.roi_height_px == 0) return;
+    u_begin = std::clamp(limits.roi_u_px, 0, frame.width);
+    v_begin = std::clamp(limits.roi_v_px, 0, frame.height);
+    u_end = std::clamp(limits.roi_u_px + limits.roi_width_px, u_begin, frame.width);
+    v_end = std::clamp(limits.roi_v_px + limits.roi_height_px, v_begin, frame.height);
+  }
+};
+
+void update_row_of_tiles(HeightMap& map, const DepthFrame& frame, const FuseOptions& options, const Roi& roi,
+                         int tile_row) {
+  const auto columns = static_cast<std::size_t>(map.tile_columns());
+  const std::span<TileChanges> tiles(map.tile_changes.data() + static_cast<std::size_t>(tile_row) * columns, columns);
+  std::fill(tiles.begin(), tiles.end(), TileChanges{});
+  const int v_end = std::min((tile_row + 1) * kTileHeight_px, frame.height);
+  for (int v = tile_row * kTileHeight_px; v < v_end; ++v) {
+    const bool inside = v >= roi.v_begin && v < roi.v_end;
+    clear_cells(map, v, 0, inside ? roi.u_begin : frame.width, tiles.data());
+    if (!inside) continue;
+    clear_cells(map, v, roi.u_end, frame.width, tiles.data());
+    const std::size_t at = map.cell(roi.u_begin, v);
+    const CellRow row{frame.row(v) + roi.u_begin,      map.depth_m.data() + at, map.inverse_depth_per_m.data() + at,
+                      map.variance_per_m2.data() + at, map.count.data() + at,   map.strikes.data() + at};
+    fuse_row(options, row, roi.u_begin, roi.u_end - roi.u_begin, tiles.data());
+  }
+  note_changes(map, tile_row, !options.fuse, tiles);
+}
+
 }  // namespace
 
 HeightMap make_height_map(const Intrinsics& intrinsics) {
@@ -59,37 +92,27 @@ HeightMap make_height_map(const Intrinsics& intrinsics) {
   map.tile_changed_in.resize(tiles);
   map.tile_new_in.resize(tiles);
   map.tile_unsettled.resize(tiles);
-  map.tile_changes.resize(static_cast<std::size_t>(map.tile_columns()));
+  map.tile_changes.resize(tiles);
   return map;
+}
+
+void update(HeightMap& map, const DepthFrame& frame, const NoiseModel& noise, const HeightMapLimits& limits, bool fuse,
+            Workers& workers) {
+  const FuseOptions options{AxialNoise(noise), static_cast<float>(frame.metres_per_unit),
+                            static_cast<float>(limits.depth_min_m), static_cast<float>(limits.depth_max_m), fuse};
+  const Roi roi(frame, limits);
+  map.unit_m = frame.metres_per_unit;
+  ++map.frame;
+  workers.run([&](int i) {
+    const Part rows = part_of(map.tile_rows(), i, workers.count());
+    for (int row = rows.begin; row < rows.end; ++row) update_row_of_tiles(map, frame, options, roi, row);
+  });
 }
 
 void update(HeightMap& map, const DepthFrame& frame, const NoiseModel& noise, const HeightMapLimits& limits,
             bool fuse) {
-  const bool whole = limits.roi_width_px == 0 || limits.roi_height_px == 0;
-  const int u_begin = whole ? 0 : std::clamp(limits.roi_u_px, 0, frame.width);
-  const int v_begin = whole ? 0 : std::clamp(limits.roi_v_px, 0, frame.height);
-  const int u_end = whole ? frame.width : std::clamp(limits.roi_u_px + limits.roi_width_px, u_begin, frame.width);
-  const int v_end = whole ? frame.height : std::clamp(limits.roi_v_px + limits.roi_height_px, v_begin, frame.height);
-  const FuseOptions options{AxialNoise(noise), static_cast<float>(frame.metres_per_unit),
-                            static_cast<float>(limits.depth_min_m), static_cast<float>(limits.depth_max_m), fuse};
-  map.unit_m = frame.metres_per_unit;
-  ++map.frame;
-  for (int v = 0; v < frame.height; ++v) {
-    TileChanges* tiles = map.tile_changes.data();
-    if (v % kTileHeight_px == 0) std::fill(map.tile_changes.begin(), map.tile_changes.end(), TileChanges{});
-    const bool inside = v >= v_begin && v < v_end;
-    clear_cells(map, v, 0, inside ? u_begin : frame.width, tiles);
-    if (inside) {
-      clear_cells(map, v, u_end, frame.width, tiles);
-      const std::size_t at = map.cell(u_begin, v);
-      const CellRow row{frame.row(v) + u_begin,          map.depth_m.data() + at, map.inverse_depth_per_m.data() + at,
-                        map.variance_per_m2.data() + at, map.count.data() + at,   map.strikes.data() + at};
-      fuse_row(options, row, u_begin, u_end - u_begin, tiles);
-    }
-    if ((v + 1) % kTileHeight_px == 0 || v + 1 == frame.height) {
-      note_changes(map, v / kTileHeight_px, !fuse, map.tile_changes);
-    }
-  }
+  Workers alone(1);
+  update(map, frame, noise, limits, fuse, alone);
 }
 
 }  // namespace tubetrack

@@ -49,10 +49,12 @@ SurfelFinder& SurfelFinder::operator=(SurfelFinder&&) noexcept = default;
 SurfelFinder::~SurfelFinder() = default;
 
 std::span<const Surfel> SurfelFinder::find(const HeightMap& map, const NoiseModel& noise, const SurfelOptions& options,
-                                           std::span<const std::uint8_t> skip) {
+                                           std::span<const std::uint8_t> skip, Workers& workers) {
   State& s = *state_;
-  if (s.work.heights.grid.width != map.intrinsics.width || s.work.heights.grid.height != map.intrinsics.height) {
-    prepare(map, s.work);
+  const Grid& grid = s.work.heights.grid;
+  const auto threads = static_cast<std::size_t>(workers.count());
+  if (grid.width != map.intrinsics.width || grid.height != map.intrinsics.height || s.work.bands.size() < threads) {
+    prepare(map, workers.count(), s.work);
     s.tiles.start(map);
     s.surfels.reserve(map.rays.size());
   }
@@ -61,9 +63,16 @@ std::span<const Surfel> SurfelFinder::find(const HeightMap& map, const NoiseMode
   if (s.rule != rule || s.edge_rule != edge_rule) s.tiles.forget();
   s.rule = rule;
   s.edge_rule = edge_rule;
-  find_in_regions(rule, edge_rule, s.tiles.take_due(map, s.work.heights), s.work);
+  const std::span<const Region> regions = s.tiles.take_due(map, s.work.heights, workers);
+  find_in_regions(rule, edge_rule, regions, s.tiles.affected(), s.work, workers);
   list_surfels(s.work, skip, s.surfels);
   return s.surfels;
+}
+
+std::span<const Surfel> SurfelFinder::find(const HeightMap& map, const NoiseModel& noise, const SurfelOptions& options,
+                                           std::span<const std::uint8_t> skip) {
+  Workers alone(1);
+  return find(map, noise, options, skip, alone);
 }
 
 std::vector<Surfel> tube_surfels(const HeightMap& map, const NoiseModel& noise, const SurfelOptions& options) {

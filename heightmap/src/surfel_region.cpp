@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <bit>
 #include <cstring>
+#include <ranges>
 
 namespace tubetrack {
 
@@ -19,7 +20,7 @@ WordArea words_of(const Region& region) {
 }
 
 /// Puts the new surfels of a row in the place of those that the region had.
-void replace_found(const Region& region, int v, SurfelWork& work) {
+void replace_found(const Region& region, int v, const BandWork& band, SurfelWork& work) {
   FoundSurfel* row = work.found.get() + static_cast<std::ptrdiff_t>(v) * work.heights.grid.width;
   int& count = work.found_count[static_cast<std::size_t>(v)];
   const auto column_less = [](const FoundSurfel& surfel, int u) { return surfel.u < u; };
@@ -28,52 +29,110 @@ void replace_found(const Region& region, int v, SurfelWork& work) {
   const int word_begin = words_of(region).word_begin;
   const int word_end = words_of(region).word_end;
   int fresh = 0;
-  for (int i = word_begin; i < word_end; ++i) fresh += std::popcount(work.row_found[static_cast<std::size_t>(i)]);
+  for (int i = word_begin; i < word_end; ++i) fresh += std::popcount(band.row_found[static_cast<std::size_t>(i)]);
   std::memmove(first + fresh, last, static_cast<std::size_t>(row + count - last) * sizeof(FoundSurfel));
   count += fresh - static_cast<int>(last - first);
   for (int i = word_begin; i < word_end; ++i) {
-    for (std::uint64_t bits = work.row_found[static_cast<std::size_t>(i)]; bits != 0; bits &= bits - 1) {
-      *first++ = work.row_surfels[static_cast<std::size_t>(64 * i + std::countr_zero(bits) - kMargin_px)];
+    for (std::uint64_t bits = band.row_found[static_cast<std::size_t>(i)]; bits != 0; bits &= bits - 1) {
+      *first++ = band.row_surfels[static_cast<std::size_t>(64 * i + std::countr_zero(bits) - kMargin_px)];
     }
   }
 }
 
-void find_in_region(const SurfelRule& rule, const Region& region, SurfelWork& work) {
+/// The columns in which planes of row `v` are needed: by the surfels of that row, half a window aside, and by those
+/// half a window above and below. Whole vectors.
+Region plane_columns(const Region& region, const AffectedTiles& affected, int v, int half) {
+  Region all{region.u_end, region.u_begin, v, v + 1};
+  const auto take_in = [&](int row, int aside_px) {
+    if (row < region.v_begin || row >= region.v_end) return;
+    const Region columns = affected.row_of(region, row);
+    if (columns.u_begin >= columns.u_end) return;
+    all.u_begin = std::min(all.u_begin, columns.u_begin - aside_px);
+    all.u_end = std::max(all.u_end, (columns.u_end + 15) / 16 * 16 + aside_px);
+  };
+  take_in(v - half, 0);
+  take_in(v, kPlanesReach_px);
+  take_in(v + half, 0);
+  return all;
+}
+
+/// The surfels of one row, from planes that are there.
+void find_in_row(const SurfelRule& rule, const Region& columns, BandWork& band, SurfelWork& work) {
+  std::fill(band.row_found.begin(), band.row_found.end(), std::uint64_t{0});
+  const int u_end = (columns.u_end + 15) / 16 * 16;
+  for (std::size_t size = kWindowSizes; size-- > 0;) {
+    surfels_of_row(rule, band.planes[size], work.rays, work.heights.grid, columns.v_begin, columns.u_begin, u_end,
+                   band.candidates.data(), band.row_found.data(), band.row_surfels.data());
+  }
+  replace_found(columns, columns.v_begin, band, work);
+}
+
+void find_in_region(const SurfelRule& rule, const Region& region, const AffectedTiles& affected, BandWork& band,
+                    SurfelWork& work) {
   const Grid& grid = work.heights.grid;
   const int u_end = (region.u_end + 15) / 16 * 16;
-  const int columns = u_end - region.u_begin + 2 * kPlanesReach_px;
   // Sums are made in whole blocks.
   const int sums_begin = (region.u_begin + kMargin_px - kSumsReach_px) / kSumBlock_px * kSumBlock_px - kMargin_px;
   const int sums_end =
       (u_end + kMargin_px + kSumsReach_px + kSumBlock_px - 1) / kSumBlock_px * kSumBlock_px - kMargin_px;
-  work.sums.start(sums_begin, sums_end - sums_begin);
+  band.sums.start(sums_begin, sums_end - sums_begin);
   for (std::size_t size = 0; size < kWindowSizes; ++size) {
-    work.planes[size].start(kWindowHalfSizes_px[size], region.u_begin - kPlanesReach_px, columns);
+    band.planes[size].start(kWindowHalfSizes_px[size], region.u_begin - kPlanesReach_px,
+                            u_end - region.u_begin + 2 * kPlanesReach_px);
   }
   int summed = std::max(0, region.v_begin - kSurfelReach_px);
   for (int v = region.v_begin - kSurfelReach_px; v < region.v_end; ++v) {
     for (; summed < std::min(grid.height, v + kSurfelReach_px + 1); ++summed) {
-      work.sums.add_row(work.heights, summed, work.fits.near_holes_from(sums_begin, summed));
+      band.sums.add_row(work.heights, summed, work.fits.near_holes_from(sums_begin, summed));
     }
     for (std::size_t size = kWindowSizes; size-- > 0;) {
       const int half = kWindowHalfSizes_px[size];
       if (v + 2 * half < region.v_begin) continue;
+      const Region columns = plane_columns(region, affected, v + half, half);
+      if (columns.u_begin >= columns.u_end) continue;
       const Windows& windows = work.fits.windows[size];
-      planes_of_row(work.sums, windows.fits, windows.holes, v + half, work.planes[size]);
+      planes_of_row(band.sums, windows.fits, windows.holes, v + half, columns.u_begin, columns.u_end,
+                    band.planes[size]);
     }
     if (v < region.v_begin) continue;
-    std::fill(work.row_found.begin(), work.row_found.end(), std::uint64_t{0});
-    for (std::size_t size = kWindowSizes; size-- > 0;) {
-      surfels_of_row(rule, work.planes[size], work.rays, grid, v, region.u_begin, u_end, work.candidates.data(),
-                     work.row_found.data(), work.row_surfels.data());
-    }
-    replace_found(region, v, work);
+    const Region columns = affected.row_of(region, v);
+    if (columns.u_begin < columns.u_end) find_in_row(rule, columns, band, work);
   }
+}
+
+/// How much work the regions are in the rows above `v`.
+std::int64_t work_above(std::span<const Region> regions, int v) {
+  std::int64_t sum = 0;
+  for (const Region& r : regions) {
+    sum += static_cast<std::int64_t>(r.u_end - r.u_begin + 2 * kSumsReach_px) *
+           std::clamp(v - r.v_begin, 0, r.v_end - r.v_begin);
+  }
+  return sum;
+}
+
+/// The i-th of `count` bands of rows, each of about as much work.
+Part band_of(std::span<const Region> regions, int height, int i, int count) {
+  const std::int64_t all = work_above(regions, height);
+  const auto first_row = [&](int band) {
+    const auto rows = std::views::iota(0, height);
+    return *std::ranges::partition_point(rows, [&](int v) { return work_above(regions, v) * count < all * band; });
+  };
+  return {i == 0 ? 0 : first_row(i), i + 1 == count ? height : first_row(i + 1)};
 }
 
 }  // namespace
 
-void prepare(const HeightMap& map, SurfelWork& work) {
+Region AffectedTiles::row_of(const Region& region, int v) const {
+  if (!tiles) return {region.u_begin, region.u_end, v, v + 1};
+  const std::uint8_t* row = tiles + static_cast<std::ptrdiff_t>(v / kAffectedRows_px) * columns;
+  int first = region.u_begin / kTileWidth_px;
+  int end = (region.u_end + kTileWidth_px - 1) / kTileWidth_px;
+  while (first < end && !row[first]) ++first;
+  while (first < end && !row[end - 1]) --end;
+  return {first * kTileWidth_px, std::min(end * kTileWidth_px, region.u_end), v, v + 1};
+}
+
+void prepare(const HeightMap& map, int threads, SurfelWork& work) {
   const Grid grid{map.intrinsics.width, map.intrinsics.height};
   work.heights.grid = grid;
   // A vector that starts in a row's last cell reads on.
@@ -93,20 +152,34 @@ void prepare(const HeightMap& map, SurfelWork& work) {
     }
   }
   work.fits.resize(grid);
-  work.row_found.assign(static_cast<std::size_t>(grid.words()), 0);
-  work.candidates.resize(static_cast<std::size_t>(grid.stride()));
-  work.row_surfels.resize(static_cast<std::size_t>(grid.stride()));
+  work.bands.resize(static_cast<std::size_t>(threads));
+  for (BandWork& band : work.bands) {
+    band.spread.resize(grid);
+    band.row_found.assign(static_cast<std::size_t>(grid.words()), 0);
+    band.candidates.resize(static_cast<std::size_t>(grid.stride()));
+    band.row_surfels.resize(static_cast<std::size_t>(grid.stride()));
+  }
   // Not set, so that memory is taken only where there are surfels.
   work.found = std::make_unique_for_overwrite<FoundSurfel[]>(map.rays.size());
   work.found_count.assign(static_cast<std::size_t>(grid.height), 0);
 }
 
 void find_in_regions(const SurfelRule& rule, const EdgeRule& edge_rule, std::span<const Region> regions,
-                     SurfelWork& work) {
-  for (const Region& region : regions) compare_cells(work.heights, edge_rule, words_of(region), work.fits);
-  for (const Region& region : regions) find_borders(work.heights, edge_rule, words_of(region), work.fits);
-  for (const Region& region : regions) fit_windows(words_of(region), work.fits);
-  for (const Region& region : regions) find_in_region(rule, region, work);
+                     const AffectedTiles& affected, SurfelWork& work, Workers& workers) {
+  const auto each = [&](const auto& step) {
+    workers.run([&](int i) {
+      const Part rows = band_of(regions, work.heights.grid.height, i, workers.count());
+      for (Region region : regions) {
+        region.v_begin = std::max(region.v_begin, rows.begin);
+        region.v_end = std::min(region.v_end, rows.end);
+        if (region.v_begin < region.v_end) step(region, work.bands[static_cast<std::size_t>(i)]);
+      }
+    });
+  };
+  each([&](const Region& region, BandWork&) { compare_cells(work.heights, edge_rule, words_of(region), work.fits); });
+  each([&](const Region& region, BandWork&) { find_borders(work.heights, edge_rule, words_of(region), work.fits); });
+  each([&](const Region& region, BandWork& band) { fit_windows(words_of(region), work.fits, band.spread); });
+  each([&](const Region& region, BandWork& band) { find_in_region(rule, region, affected, band, work); });
 }
 
 }  // namespace tubetrack

@@ -14,17 +14,23 @@ namespace tubetrack {
 /// A surfel is computed from heights up to here: half a window from planes that are half a window away.
 inline constexpr int kSurfelReach_px = 2 * kLargestHalf_px;
 
-/// What surfels are computed from and where they go; and the buffers on the way.
-struct SurfelWork {
-  Heights heights;
-  RayTable rays;
-  float longest_ray2 = 0.0F;
-  WindowFits fits;
+/// Buffers of one thread on the way from heights to surfels.
+struct BandWork {
+  BitImage spread;
   WindowSums sums;
   std::array<PlaneRing, kWindowSizes> planes;
   std::vector<std::uint64_t> row_found;  ///< of one row: columns with a surfel
   std::vector<std::int32_t> candidates;  ///< of one row
   std::vector<FoundSurfel> row_surfels;  ///< and it, by column
+};
+
+/// What surfels are computed from and where they go.
+struct SurfelWork {
+  Heights heights;
+  RayTable rays;
+  float longest_ray2 = 0.0F;
+  WindowFits fits;
+  std::vector<BandWork> bands;           ///< one a thread
   std::unique_ptr<FoundSurfel[]> found;  ///< by row, room for one a column, in order of columns
   std::vector<int> found_count;          ///< by row
 };
@@ -37,14 +43,29 @@ struct Region {
   int v_end = 0;
 };
 
-void prepare(const HeightMap& map, SurfelWork& work);
+/// Rows are affected by so many at once. (Columns by tiles: what is computed from them goes by vectors.)
+inline constexpr int kAffectedRows_px = 8;
+
+/// Where within regions surfels depend on heights that have changed.
+struct AffectedTiles {
+  const std::uint8_t* tiles =
+      nullptr;      ///< a flag for each kAffectedRows_px rows of each column of tiles; none: all are
+  int columns = 0;  ///< of tiles
+
+  /// The columns [u_begin, u_end) of a region's row that are affected, and what is between them; v_begin is v.
+  Region row_of(const Region& region, int v) const;
+};
+
+void prepare(const HeightMap& map, int threads, SurfelWork& work);
 
 /// The map's heights and variances of a region, in integer units. `holes`, one a column of the region's tiles, becomes
 /// 1 where a cell of it has none.
 void take_heights(const HeightMap& map, const Region& region, Heights& out, std::uint8_t* holes);
 
-/// Finds the surfels of some regions anew, where heights that they depend on have changed.
+/// Finds the surfels of some regions anew, where heights that they depend on have changed. Each thread has a band of
+/// rows, so that all bands are about as much work; as sums are exact, what is found does not depend on where they
+/// begin.
 void find_in_regions(const SurfelRule& rule, const EdgeRule& edge_rule, std::span<const Region> regions,
-                     SurfelWork& work);
+                     const AffectedTiles& affected, SurfelWork& work, Workers& workers);
 
 }  // namespace tubetrack

@@ -21,34 +21,12 @@ constexpr float kLowShare = 0.8F;
 // Highway's own header comes after it.
 #include <hwy/highway.h>
 
+#include "beside-inl.hpp"
+
 HWY_BEFORE_NAMESPACE();
 namespace tubetrack {
 namespace HWY_NAMESPACE {
 namespace {
-
-namespace hn = hwy::HWY_NAMESPACE;
-
-using D = hn::CappedTag<float, 16>;
-using V = hn::Vec<D>;
-using M = hn::Mask<D>;
-using DI = hn::Rebind<std::int32_t, D>;
-using VI = hn::Vec<DI>;
-
-constexpr float kRoot2 = 1.41421356F;
-
-HWY_INLINE V Set(float value) {
-  return hn::Set(D(), value);
-}
-
-HWY_INLINE std::uint64_t Bits(M mask) {
-  std::uint8_t bytes[8] = {};
-  hn::StoreMaskBits(D(), mask, bytes);
-  return bytes[0] | static_cast<std::uint64_t>(bytes[1]) << 8;
-}
-
-HWY_INLINE M MaskOf(std::uint64_t bits) {
-  return hn::LoadMaskBits(D(), reinterpret_cast<const std::uint8_t*>(&bits));  // little-endian, as Highway's targets
-}
 
 /// What stands at some places, each lane at its own.
 HWY_INLINE V At(const float* from, VI places) {
@@ -82,51 +60,6 @@ HWY_INLINE V3 Cross(const V3& a, const V3& b) {
 
 HWY_INLINE V3 Select(M mask, const V3& yes, const V3& no) {
   return {hn::IfThenElse(mask, yes.x, no.x), hn::IfThenElse(mask, yes.y, no.y), hn::IfThenElse(mask, yes.z, no.z)};
-}
-
-/// Where the planes of one image direction are known, and one over the pixels between them.
-struct Between {
-  M before, after, known;
-  V per_px;
-};
-
-HWY_INLINE Between Spread(V slope_before, V slope_after, int half) {
-  const V limit = Set(0.5F * kNoPlane);
-  const M before = hn::Lt(slope_before, limit);
-  const M after = hn::Lt(slope_after, limit);
-  const float one_sided = 1.0F / static_cast<float>(half);
-  return {before, after, hn::Or(before, after),
-          hn::IfThenElse(hn::And(before, after), Set(0.5F * one_sided), Set(one_sided))};
-}
-
-/// After minus before; the plane in the middle stands in for a side without one.
-HWY_INLINE V Difference(const Between& between, const float* before, const float* middle, const float* after) {
-  const D d;
-  const V center = hn::LoadU(d, middle);
-  return hn::Sub(hn::IfThenElse(between.after, hn::LoadU(d, after), center),
-                 hn::IfThenElse(between.before, hn::LoadU(d, before), center));
-}
-
-/// Whether the inverse depth bends down in some direction by more than `sigmas` of the second difference's noise, and
-/// by more than `least` (1/m per pixel squared): whether its second derivatives plus that limit are not positive
-/// definite.
-HWY_INLINE M BendsDown(const Neighbourhood& n, int i, const Between& across, const Between& down, float aspect,
-                       float sigmas, float least) {
-  const int h = n.half;
-  const float* u = n.row.slope_u + i;
-  const float* v = n.row.slope_v + i;
-  const V per_row = hn::Mul(down.per_px, Set(aspect));
-  const V uu = hn::Mul(Difference(across, u - h, u, u + h), across.per_px);
-  const V vv = hn::Mul(Difference(down, n.above.slope_v + i, v, n.below.slope_v + i), hn::Mul(per_row, Set(aspect)));
-  const V vu = hn::Mul(Difference(across, v - h, v, v + h), hn::Mul(across.per_px, Set(aspect)));
-  const V uv = hn::Mul(Difference(down, n.above.slope_u + i, u, n.below.slope_u + i), per_row);
-  const V mixed = hn::Mul(Set(0.5F), hn::Add(uv, vu));
-  const V noise = hn::Mul(hn::Mul(hn::LoadU(D(), n.row.slope_sigma + i), Set(sigmas * kRoot2)),
-                          hn::Max(across.per_px, down.per_px));
-  const V limit = hn::Max(noise, Set(least));
-  const V a = hn::Add(uu, limit);
-  const V b = hn::Add(vv, limit);
-  return hn::Or(hn::Le(a, hn::Zero(D())), hn::Le(hn::Mul(a, b), hn::Mul(mixed, mixed)));
 }
 
 struct Facet {
@@ -285,39 +218,10 @@ std::uint64_t Surfels(const SurfelRule& rule, const Neighbourhood& n, VI places,
   return bits;
 }
 
-/// Lists the cells that are worth the careful gate, few and far between; returns how many. Columns are those of the
-/// planes: [begin, end) of them.
-int ListCandidates(const SurfelRule& rule, const Neighbourhood& n, int begin, int end, const std::uint64_t* found,
-                   std::int32_t* candidates) {
-  const D d;
-  const int step = static_cast<int>(hn::Lanes(d));
-  const std::uint64_t lane_bits = (std::uint64_t{1} << step) - 1;
-  const float aspect = rule.fy_px / rule.fx_px;
-  const float screen_sigmas = rule.screen_sigmas * std::max(1.0F, aspect);
-  int count = 0;
-  for (int i = begin; i < end; i += step) {
-    const V here = hn::LoadU(d, n.row.slope_u + i);
-    M open = hn::Lt(here, Set(0.5F * kNoPlane));
-    if (hn::AllFalse(d, open)) continue;
-    const int padded = n.u_begin + i + kMargin_px;
-    open = hn::And(open, MaskOf(~found[padded / 64] >> (padded % 64) & lane_bits));
-    const Between across =
-        Spread(hn::LoadU(d, n.row.slope_u + i - n.half), hn::LoadU(d, n.row.slope_u + i + n.half), n.half);
-    const Between down = Spread(hn::LoadU(d, n.above.slope_u + i), hn::LoadU(d, n.below.slope_u + i), n.half);
-    open = hn::And(open, hn::And(across.known, down.known));
-    if (hn::AllFalse(d, open)) continue;
-    open = hn::And(open, BendsDown(n, i, across, down, aspect, screen_sigmas, rule.screen_bend_per_m));
-    for (std::uint64_t bits = Bits(open); bits != 0; bits &= bits - 1) candidates[count++] = i + std::countr_zero(bits);
-  }
-  return count;
-}
-
-/// `candidates`: room for a column each, and a vector more.
-void SurfelsOfRow(const SurfelRule& rule, const Neighbourhood& n, int begin, int end, std::int32_t* candidates,
-                  std::uint64_t* found, FoundSurfel* out) {
+/// `candidates` has room for a vector more.
+void SurfelsAt(const SurfelRule& rule, const Neighbourhood& n, std::int32_t* candidates, int count,
+               std::uint64_t* found, FoundSurfel* out) {
   const int step = static_cast<int>(hn::Lanes(D()));
-  const int count = ListCandidates(rule, n, begin, end, found, candidates);
-  if (count == 0) return;
   std::fill_n(candidates + count, step, candidates[count - 1]);
   Lanes lanes;
   for (int i = 0; i < count; i += step) {
@@ -335,7 +239,7 @@ HWY_AFTER_NAMESPACE();
 #if HWY_ONCE
 namespace tubetrack {
 
-HWY_EXPORT(SurfelsOfRow);
+HWY_EXPORT(SurfelsAt);
 
 SurfelRule::SurfelRule(const Intrinsics& in, float longest_ray2, const NoiseModel& model, const SurfelOptions& options)
     : noise(model),
@@ -367,7 +271,8 @@ void surfels_of_row(const SurfelRule& rule, PlaneRing& planes, const RayTable& r
     n.ray_x = rays.x.data() + ray_at;
     n.ray_y = rays.y.data() + ray_at;
   }
-  HWY_DYNAMIC_DISPATCH(SurfelsOfRow)(rule, n, planes.index(u_begin), planes.index(u_end), candidates, found, row);
+  const int count = list_candidates(rule, n, planes.index(u_begin), planes.index(u_end), found, candidates);
+  if (count > 0) HWY_DYNAMIC_DISPATCH(SurfelsAt)(rule, n, candidates, count, found, row);
 }
 
 }  // namespace tubetrack

@@ -62,6 +62,12 @@ struct Neighbourhood {
   int half;
 };
 
+/// Lists the cells that are worth the careful gate, few and far between: those without a bit in `found` (of the padded
+/// row) that bend down by more than the rule's screen. Returns how many. Columns are those of the planes: [begin, end)
+/// of them. `candidates` has room for all.
+int list_candidates(const SurfelRule& rule, const Neighbourhood& n, int begin, int end, const std::uint64_t* found,
+                    std::int32_t* candidates);
+
 /// Surfels from the planes of one size in row `v`, columns [u_begin, u_end): where `found` has no bit yet and the
 /// curvature passes the gate. Sets the bits of `found` (of the padded row), and the surfels in `row` (by image column).
 /// `candidates` is scratch: a padded row.

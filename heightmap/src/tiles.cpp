@@ -9,8 +9,7 @@ namespace {
 /// How far a changed cell reaches: its surfels, and an edge between neighbours, or across a gap, beside it.
 constexpr int kReach_px = kSurfelReach_px + 1;
 constexpr int kReachAcrossGaps_px = kSurfelReach_px + kGapLimit_px;
-/// Rows are affected by so many at once. (Columns by tiles: what is computed from them goes by vectors.)
-constexpr int kUnit_px = 8;
+constexpr int kUnit_px = kAffectedRows_px;
 constexpr int kUnitsPerTile = kTileHeight_px / kUnit_px;
 /// The map is gone through again in this many bands, one every few frames.
 constexpr int kBands = 4;
@@ -127,10 +126,12 @@ void TileLedger::take_row_of_tiles(const HeightMap& map, int row, Heights& heigh
   }
 }
 
-std::span<const Region> TileLedger::take_due(const HeightMap& map, Heights& heights) {
-  std::fill(taken_.begin(), taken_.end(), std::uint8_t{0});
+std::span<const Region> TileLedger::take_due(const HeightMap& map, Heights& heights, Workers& workers) {
   std::fill(affected_.begin(), affected_.end(), std::uint8_t{0});
-  for (int row = 0; row < rows_; ++row) take_row_of_tiles(map, row, heights);
+  workers.run([&](int i) {
+    const Part rows = part_of(rows_, i, workers.count());
+    for (int row = rows.begin; row < rows.end; ++row) take_row_of_tiles(map, row, heights);
+  });
   started_ = true;
   for (int row = 0; row < rows_; ++row) {
     for (int column = 0; column < columns_; ++column) {

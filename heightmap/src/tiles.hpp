@@ -19,7 +19,9 @@ class TileLedger {
   /// Takes the heights of the tiles that are due: those that changed; those that were new and, refined since, have
   /// seen twice as many frames as when their heights were last taken; and, so that a slow drift is followed, a band of
   /// all tiles every few frames. The regions whose surfels depend on what was taken.
-  std::span<const Region> take_due(const HeightMap& map, Heights& heights);
+  std::span<const Region> take_due(const HeightMap& map, Heights& heights, Workers& workers);
+  /// Within the regions of the last call.
+  AffectedTiles affected() const { return {affected_.data(), columns_}; }
 
  private:
   bool due(const HeightMap& map, int row, std::size_t tile) const;

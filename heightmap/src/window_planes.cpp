@@ -182,16 +182,19 @@ PlaneRow PlaneRing::row(int v) {
   return {start, start + columns, start + 2 * columns, start + 3 * columns};
 }
 
-void planes_of_row(const WindowSums& sums, const BitImage& fits, const BitImage& holes, int v, PlaneRing& planes) {
+void planes_of_row(const WindowSums& sums, const BitImage& fits, const BitImage& holes, int v, int u_begin, int u_end,
+                   PlaneRing& planes) {
   const int half = planes.half_px();
-  const PlaneRow out = planes.row(v);
+  const PlaneRow row = planes.row(v);
+  const int at = planes.index(u_begin);
+  const PlaneRow out{row.slope_u + at, row.slope_v + at, row.slope_sigma + at, row.height + at};
   if (v < half || v >= fits.grid.height - half) {
-    std::fill_n(out.slope_u, planes.columns(), kNoPlane);
+    std::fill_n(out.slope_u, u_end - u_begin, kNoPlane);
     return;
   }
   HWY_DYNAMIC_DISPATCH(PlanesOfRow)
-  (sums.row(v - half), sums.row(v + half + 1), sums.stride(), sums.index(planes.u_begin()), half, planes.u_begin(), v,
-   planes.columns(), fits.row(v), holes.row(v), out);
+  (sums.row(v - half), sums.row(v + half + 1), sums.stride(), sums.index(u_begin), half, u_begin, v, u_end - u_begin,
+   fits.row(v), holes.row(v), out);
 }
 
 }  // namespace tubetrack

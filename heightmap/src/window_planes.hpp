@@ -38,7 +38,9 @@ class PlaneRing {
   std::vector<float> ring_;
 };
 
-/// Planes of row `v`, where `fits` has a bit; `holes` has one where a cell of the window has no height.
-void planes_of_row(const WindowSums& sums, const BitImage& fits, const BitImage& holes, int v, PlaneRing& planes);
+/// Planes of row `v`, columns [u_begin, u_end), which are multiples of 16, where `fits` has a bit; `holes` has one
+/// where a cell of the window has no height.
+void planes_of_row(const WindowSums& sums, const BitImage& fits, const BitImage& holes, int v, int u_begin, int u_end,
+                   PlaneRing& planes);
 
 }  // namespace tubetrack

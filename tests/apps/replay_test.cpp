@@ -322,7 +322,7 @@ INSTANTIATE_TEST_SUITE_P(
         BadFlag{"Roi", {"--roi", "1,2,3"}, {"--roi 1,2,3: takes u,v,w,h"}},
         BadFlag{"RoiOutside", {"--roi", "10,10,10,10"}, {"--roi 10,10,10,10", "16 x 12"}},
         BadFlag{"Threads", {"--threads", "many"}, {"--threads many: takes a whole number"}},
-        BadFlag{"ThreadsTooMany", {"--threads", "1000"}, {"--threads 1000", "1 to 64"}},
+        BadFlag{"ThreadsTooMany", {"--threads", "1000"}, {"--threads 1000", "1 to 16"}},
         BadFlag{"Noise", {"--noise", "kinect9"}, {"--noise kinect9: takes kinect1, stereo, tof"}},
         BadFlag{"NoiseFile", {"--noise", "/nowhere/n.json"}, {"--noise /nowhere/n.json: cannot be read"}},
         BadFlag{"MapPlane", {"--map", "plane"}, {"--map plane: is not in this version"}},

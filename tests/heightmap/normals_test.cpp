@@ -40,7 +40,7 @@ void fit_all(const HeightMap& map, SurfelWork& work) {
   take_heights(map, {0, map.intrinsics.width, 0, map.intrinsics.height}, work.heights, holes.data());
   compare_cells(work.heights, rule, all, work.fits);
   find_borders(work.heights, rule, all, work.fits);
-  fit_windows(all, work.fits);
+  fit_windows(all, work.fits, work.bands[0].spread);
 }
 
 /// Planes as the surfel stage makes them: wherever the window is within the image, or (`edges`) on one side of edges
@@ -50,7 +50,7 @@ std::vector<WindowPlane> window_planes(const HeightMap& map, std::size_t size, b
   const int height = map.intrinsics.height;
   const int half = kWindowHalfSizes_px[size];
   SurfelWork work;
-  prepare(map, work);
+  prepare(map, 1, work);
   fit_all(map, work);
   Windows& windows = work.fits.windows[size];
   for (int v = half; v < height - half && !edges; ++v) {
@@ -60,15 +60,15 @@ std::vector<WindowPlane> window_planes(const HeightMap& map, std::size_t size, b
   }
   const int columns = (width + 31) / 32 * 32;
   const std::vector<std::uint8_t> near_holes(static_cast<std::size_t>(columns / 32 + 2), 1);
-  work.sums.start(-32, columns + 64);
-  work.planes[size].start(half, 0, columns);
+  work.bands[0].sums.start(-32, columns + 64);
+  work.bands[0].planes[size].start(half, 0, columns);
   std::vector<WindowPlane> planes(map.rays.size());
   int summed = 0;
   for (int v = 0; v < height; ++v) {
     for (; summed < std::min(height, v + half + 1); ++summed)
-      work.sums.add_row(work.heights, summed, near_holes.data());
-    planes_of_row(work.sums, windows.fits, windows.holes, v, work.planes[size]);
-    const PlaneRow row = work.planes[size].row(v);
+      work.bands[0].sums.add_row(work.heights, summed, near_holes.data());
+    planes_of_row(work.bands[0].sums, windows.fits, windows.holes, v, 0, columns, work.bands[0].planes[size]);
+    const PlaneRow row = work.bands[0].planes[size].row(v);
     for (int u = 0; u < width; ++u) {
       if (row.slope_u[u] >= kNoPlane) continue;
       const std::size_t at = map.cell(u, v);
@@ -207,7 +207,7 @@ TEST(WindowPlanes, AreOnlyWhereTheWindowStaysOnOneSideOfEdges) {
 
 SurfelWork with_windows(const HeightMap& map) {
   SurfelWork work;
-  prepare(map, work);
+  prepare(map, 1, work);
   fit_all(map, work);
   return work;
 }

@@ -58,22 +58,23 @@ TEST(SurfelFinder, IncrementallyFindsBitForBitWhatItFindsAnewInTheSameHeights) {
   const EdgeRule edge_rule({}, kCamera.fx_px);
   SurfelWork work;
   TileLedger ledger;
-  prepare(map, work);
+  prepare(map, 1, work);
   ledger.start(map);
   const SurfelRule rule(kCamera, work.longest_ray2, {}, {});
+  Workers alone(1);
   int partial = 0;
   for (int frame = 0; frame < 150; ++frame) {
     update(map, patches.next(), {}, {}, true);
-    const auto regions = ledger.take_due(map, work.heights);
-    find_in_regions(rule, edge_rule, regions, work);
+    const auto regions = ledger.take_due(map, work.heights, alone);
+    find_in_regions(rule, edge_rule, regions, ledger.affected(), work, alone);
     int cells = 0;
     for (const Region& region : regions) cells += (region.u_end - region.u_begin) * (region.v_end - region.v_begin);
     partial += cells < 320 * 240 ? 1 : 0;
     SurfelWork anew;
-    prepare(map, anew);
+    prepare(map, 1, anew);
     anew.heights = work.heights;
     const Region all{0, 320, 0, 240};
-    find_in_regions(rule, edge_rule, {&all, 1}, anew);
+    find_in_regions(rule, edge_rule, {&all, 1}, {}, anew, alone);
     ASSERT_TRUE(same_found(work, anew)) << "frame " << frame;
   }
   EXPECT_GT(partial, 100);
@@ -86,22 +87,23 @@ TEST(SurfelFinder, LosesNothingToTheScreenOnBends) {
   HeightMap map = make_height_map(kCamera);
   const Region all{0, 320, 0, 240};
   std::vector<std::uint8_t> holes(static_cast<std::size_t>(map.tile_columns() * map.tile_rows()));
+  Workers alone(1);
   for (const double radius_max_m : {0.04, 0.1}) {
     SurfelOptions options;
     options.radius_max_m = radius_max_m;
     for (int frame = 0; frame < 8; ++frame) {
       update(map, stream.next(), {}, {}, frame % 2 == 0);
       SurfelWork screened;
-      prepare(map, screened);
+      prepare(map, 1, screened);
       take_heights(map, all, screened.heights, holes.data());
       SurfelWork full;
-      prepare(map, full);
+      prepare(map, 1, full);
       full.heights = screened.heights;
       SurfelRule rule(kCamera, screened.longest_ray2, {}, options);
-      find_in_regions(rule, EdgeRule({}, kCamera.fx_px), {&all, 1}, screened);
+      find_in_regions(rule, EdgeRule({}, kCamera.fx_px), {&all, 1}, {}, screened, alone);
       ASSERT_GT(rule.screen_bend_per_m, 0.0F);
       rule.screen_bend_per_m = 0.0F;
-      find_in_regions(rule, EdgeRule({}, kCamera.fx_px), {&all, 1}, full);
+      find_in_regions(rule, EdgeRule({}, kCamera.fx_px), {&all, 1}, {}, full, alone);
       ASSERT_TRUE(same_found(screened, full)) << radius_max_m << ' ' << frame;
     }
   }

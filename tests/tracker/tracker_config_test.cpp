@@ -80,7 +80,7 @@ TEST(TrackerConfig, TheEndsOfTheRangesAreValid) {
   EXPECT_TRUE(validate(with([](auto& c) { c.radius_m = 1e-4; })));
   EXPECT_TRUE(validate(with([](auto& c) { c.radius_max_m = c.radius_min_m; })));
   EXPECT_TRUE(validate(with([](auto& c) { c.cell_m = 0.1; })));
-  EXPECT_TRUE(validate(with([](auto& c) { c.threads = 64; })));
+  EXPECT_TRUE(validate(with([](auto& c) { c.threads = 16; })));
 }
 
 TEST(TubeTracker, IsNotCreatedWithAConfigThatCannotBeUsed) {

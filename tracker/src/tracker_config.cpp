@@ -44,7 +44,7 @@ Expected<void> validate(const TrackerConfig& c) {
   if (c.cell_m && !within(*c.cell_m, 1e-4, 0.1)) return refuse("cell_m", *c.cell_m, "metres, 0.0001 to 0.1");
   if (c.deadline_ms && !within(*c.deadline_ms, 0.01, 1e6))
     return refuse("deadline_ms", *c.deadline_ms, "milliseconds, 0.01 to 1000000");
-  if (c.threads < 1 || c.threads > 64) return refuse("threads", c.threads, "1 to 64");
+  if (c.threads < 1 || c.threads > 16) return refuse("threads", c.threads, "1 to 16");
   return {};
 }
 

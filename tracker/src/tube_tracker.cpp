@@ -17,7 +17,10 @@
 namespace tubetrack {
 
 struct TubeTracker::State {
+  explicit State(const TrackerConfig& from) : config(from), workers(from.threads) {}
+
   TrackerConfig config;
+  Workers workers;
   HeightMap map;
   SurfelFinder surfels;
   AccumulationMap votes{0.0};
@@ -78,8 +81,7 @@ TubeTracker::~TubeTracker() = default;
 Expected<TubeTracker> TubeTracker::create(const TrackerConfig& config, const Intrinsics& intrinsics) {
   if (auto valid = validate(config); !valid) return tl::make_unexpected(valid.error());
   if (auto valid = validate(intrinsics); !valid) return tl::make_unexpected(valid.error());
-  auto state = std::make_unique<State>();
-  state->config = config;
+  auto state = std::make_unique<State>(config);
   state->map = make_height_map(intrinsics);
   state->explained.resize(state->map.rays.size());
   return TubeTracker(std::move(state));
@@ -154,14 +156,15 @@ const TubeFrame& TubeTracker::track(const DepthFrame& frame) {
   Deadline deadline(s.config.deadline_ms);
   Stopwatch whole;
   Stopwatch stage;
-  update(s.map, frame, s.config.noise, limits_of(s.config), !frame.world_from_camera);
+  update(s.map, frame, s.config.noise, limits_of(s.config), !frame.world_from_camera, s.workers);
   s.map.at_disparity_levels = lies_at_disparity_levels(frame, s.config.noise);
   stage.lap(stages.update_ms);
 
   follow_known(frame);  // section 2.3, from where the last frame left each tube
   stage.lap(stages.fit_ms);
 
-  const std::span<const Surfel> surfels = s.surfels.find(s.map, s.config.noise, surfel_options(s.config), s.explained);
+  const std::span<const Surfel> surfels =
+      s.surfels.find(s.map, s.config.noise, surfel_options(s.config), s.explained, s.workers);
   stage.lap(stages.normals_ms);
 
   const double cell_m = s.config.cell_m.value_or(matching_cell_m(surfels, s.map.intrinsics.fx_px));

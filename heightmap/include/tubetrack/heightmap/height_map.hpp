@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "tubetrack/heightmap/workers.hpp"
 #include "tubetrack/sensors/depth_frame.hpp"
 #include "tubetrack/sensors/intrinsics.hpp"
 #include "tubetrack/sensors/noise_model.hpp"
@@ -39,7 +40,7 @@ struct HeightMap {
   std::vector<std::uint32_t> tile_changed_in;
   std::vector<std::uint32_t> tile_new_in;     ///< by tile: the frame in which it was last new
   std::vector<std::uint32_t> tile_unsettled;  ///< by tile: steady cells that changed since it did
-  std::vector<TileChanges> tile_changes;      ///< of one row of tiles, while it is updated
+  std::vector<TileChanges> tile_changes;      ///< by tile, of this frame
 
   int tile_columns() const { return (intrinsics.width + kTileWidth_px - 1) / kTileWidth_px; }
   int tile_rows() const { return (intrinsics.height + kTileHeight_px - 1) / kTileHeight_px; }
@@ -70,7 +71,9 @@ HeightMap make_height_map(const Intrinsics& intrinsics);
 
 /// Takes a frame in. A reading within 3σ of its cell refines it; one beyond 5σ, or beyond 3σ twice running, restarts
 /// it. With a moving camera the cells look elsewhere in every frame: `fuse` false restarts all of them.
-/// The frame must have the map's size.
+/// The frame must have the map's size. The result does not depend on the workers.
+void update(HeightMap& map, const DepthFrame& frame, const NoiseModel& noise, const HeightMapLimits& limits, bool fuse,
+            Workers& workers);
 void update(HeightMap& map, const DepthFrame& frame, const NoiseModel& noise, const HeightMapLimits& limits, bool fuse);
 
 /// Are the frame's readings those of the noise model's disparity levels, rounded to the recording's unit? Asked of a

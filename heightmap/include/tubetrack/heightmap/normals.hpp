@@ -32,7 +32,9 @@ class SurfelFinder {
   ~SurfelFinder();
 
   /// In cell order, valid until the next call. `skip`: empty, or one a cell; where it is not 0 no surfel is wanted,
-  /// though the cell still takes part in windows.
+  /// though the cell still takes part in windows. The result does not depend on the workers.
+  std::span<const Surfel> find(const HeightMap& map, const NoiseModel& noise, const SurfelOptions& options,
+                               std::span<const std::uint8_t> skip, Workers& workers);
   std::span<const Surfel> find(const HeightMap& map, const NoiseModel& noise, const SurfelOptions& options,
                                std::span<const std::uint8_t> skip = {});
 

@@ -23,7 +23,7 @@ struct TrackerConfig {
   double min_width_px = 8.0;      ///< nor one narrower in the image
   double min_bend_radii = 4.0;    ///< nor one whose centreline bends tighter than this many tube radii
   std::optional<double> cell_m;   ///< grid step of the accumulation map; empty: matched to the sensor, about two pixels
-  int threads = 1;
+  int threads = 1;                ///< that share the work on a frame, 1 to 16; results do not depend on it
   /// From the call on: when it passes, known tubes are followed still, new ones are left to the next frame, and the
   /// status says `deadline`. Empty: none; only then are results the same in every run.
   std::optional<double> deadline_ms;

@@ -1,0 +1,90 @@
+#include <algorithm>
+#include <bit>
+
+#include "surfel_row.hpp"
+
+#undef HWY_TARGET_INCLUDE
+#define HWY_TARGET_INCLUDE "bend_screen.cpp"
+#include <hwy/foreach_target.h>
+// Highway's own header comes after it.
+#include <hwy/highway.h>
+
+#include "beside-inl.hpp"
+
+HWY_BEFORE_NAMESPACE();
+namespace tubetrack {
+namespace HWY_NAMESPACE {
+namespace {
+
+/// After minus before; the plane in the middle stands in for a side without one.
+HWY_INLINE V Difference(const Between& between, const float* before, const float* middle, const float* after) {
+  const D d;
+  const V center = hn::LoadU(d, middle);
+  return hn::Sub(hn::IfThenElse(between.after, hn::LoadU(d, after), center),
+                 hn::IfThenElse(between.before, hn::LoadU(d, before), center));
+}
+
+/// Whether the inverse depth bends down in some direction by more than `sigmas` of the second difference's noise, and
+/// by more than `least` (1/m per pixel squared): whether its second derivatives plus that limit are not positive
+/// definite.
+HWY_INLINE M BendsDown(const Neighbourhood& n, int i, const Between& across, const Between& down, float aspect,
+                       float sigmas, float least) {
+  const int h = n.half;
+  const float* u = n.row.slope_u + i;
+  const float* v = n.row.slope_v + i;
+  const V per_row = hn::Mul(down.per_px, Set(aspect));
+  const V uu = hn::Mul(Difference(across, u - h, u, u + h), across.per_px);
+  const V vv = hn::Mul(Difference(down, n.above.slope_v + i, v, n.below.slope_v + i), hn::Mul(per_row, Set(aspect)));
+  const V vu = hn::Mul(Difference(across, v - h, v, v + h), hn::Mul(across.per_px, Set(aspect)));
+  const V uv = hn::Mul(Difference(down, n.above.slope_u + i, u, n.below.slope_u + i), per_row);
+  const V mixed = hn::Mul(Set(0.5F), hn::Add(uv, vu));
+  const V noise = hn::Mul(hn::Mul(hn::LoadU(D(), n.row.slope_sigma + i), Set(sigmas * kRoot2)),
+                          hn::Max(across.per_px, down.per_px));
+  const V limit = hn::Max(noise, Set(least));
+  const V a = hn::Add(uu, limit);
+  const V b = hn::Add(vv, limit);
+  return hn::Or(hn::Le(a, hn::Zero(D())), hn::Le(hn::Mul(a, b), hn::Mul(mixed, mixed)));
+}
+
+int ListCandidates(const SurfelRule& rule, const Neighbourhood& n, int begin, int end, const std::uint64_t* found,
+                   std::int32_t* candidates) {
+  const D d;
+  const int step = static_cast<int>(hn::Lanes(d));
+  const std::uint64_t lane_bits = (std::uint64_t{1} << step) - 1;
+  const float aspect = rule.fy_px / rule.fx_px;
+  const float screen_sigmas = rule.screen_sigmas * std::max(1.0F, aspect);
+  int count = 0;
+  for (int i = begin; i < end; i += step) {
+    const V here = hn::LoadU(d, n.row.slope_u + i);
+    M open = hn::Lt(here, Set(0.5F * kNoPlane));
+    if (hn::AllFalse(d, open)) continue;
+    const int padded = n.u_begin + i + kMargin_px;
+    open = hn::And(open, MaskOf(~found[padded / 64] >> (padded % 64) & lane_bits));
+    const Between across =
+        Spread(hn::LoadU(d, n.row.slope_u + i - n.half), hn::LoadU(d, n.row.slope_u + i + n.half), n.half);
+    const Between down = Spread(hn::LoadU(d, n.above.slope_u + i), hn::LoadU(d, n.below.slope_u + i), n.half);
+    open = hn::And(open, hn::And(across.known, down.known));
+    if (hn::AllFalse(d, open)) continue;
+    open = hn::And(open, BendsDown(n, i, across, down, aspect, screen_sigmas, rule.screen_bend_per_m));
+    for (std::uint64_t bits = Bits(open); bits != 0; bits &= bits - 1) candidates[count++] = i + std::countr_zero(bits);
+  }
+  return count;
+}
+
+}  // namespace
+}  // namespace HWY_NAMESPACE
+}  // namespace tubetrack
+HWY_AFTER_NAMESPACE();
+
+#if HWY_ONCE
+namespace tubetrack {
+
+HWY_EXPORT(ListCandidates);
+
+int list_candidates(const SurfelRule& rule, const Neighbourhood& n, int begin, int end, const std::uint64_t* found,
+                    std::int32_t* candidates) {
+  return HWY_DYNAMIC_DISPATCH(ListCandidates)(rule, n, begin, end, found, candidates);
+}
+
+}  // namespace tubetrack
+#endif
