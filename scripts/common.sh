@@ -82,3 +82,17 @@ install_missing() {
   step "apt-get install" "$logs/apt-install.log" "${apt[@]}" install --no-install-recommends "${missing[@]}"
   grep -E '^(Need to get|After this operation)' "$logs/apt-install.log" | sed 's/^/    /' || true
 }
+
+# What the pages on static scans are made with; sets commit and cpu for them.
+build_scan_suite() {
+  local logs=build/scans/log tests=()
+  install_missing "$logs" "${core_packages[@]}"
+  [[ -f build/release/CMakeCache.txt ]] || tests=(-DTUBETRACK_TESTS=OFF)
+  step "configure" "$logs/configure.log" cmake --preset release -DTUBETRACK_BENCH=ON "${tests[@]}"
+  step "build (a few minutes at first)" "$logs/build.log" cmake --build --preset release --target scan_suite
+  commit=$(git rev-parse --short HEAD 2>/dev/null || printf 'no repository')
+  [[ -z $(git status --porcelain -uno -- ':!docs' 2>/dev/null) ]] || commit+=", with changes"
+  cpu=$(sed -n 's/^model name[[:space:]]*: //p' /proc/cpuinfo | head -n 1)
+  # A busy machine makes times longer: the page says how busy it was.
+  cpu="${cpu:-unknown}, $(nproc) cores, load $(cut -d ' ' -f 1 /proc/loadavg) at the start"
+}

@@ -12,7 +12,7 @@
 namespace tubetrack {
 namespace {
 
-using namespace test;
+using namespace bench;
 using ::testing::HasSubstr;
 
 constexpr double kRadius_m = 0.006;

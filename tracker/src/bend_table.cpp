@@ -22,12 +22,12 @@ double wrapped(double angle_rad) {
 }
 
 void add_intersections(const PlacedBend& bend, double angle_rad, std::vector<Eigen::Vector3d>& xyz_m) {
-  const int pieces = std::max(1, static_cast<int>(std::ceil(angle_rad / kLargestWhole_rad)));
-  const double piece_rad = angle_rad / pieces;
+  const std::size_t pieces = pieces_of_bend(angle_rad);
+  const double piece_rad = angle_rad / static_cast<double>(pieces);
   // The intersection lies on the bisector of its piece.
   const double from_center_m = bend.radius_m / std::cos(0.5 * piece_rad);
-  for (int i = 0; i < pieces; ++i) {
-    const double at_rad = (i + 0.5) * piece_rad;
+  for (std::size_t i = 0; i < pieces; ++i) {
+    const double at_rad = (static_cast<double>(i) + 0.5) * piece_rad;
     xyz_m.emplace_back(bend.center_m +
                        from_center_m * (std::sin(at_rad) * bend.tangent - std::cos(at_rad) * bend.towards));
   }
@@ -77,6 +77,10 @@ bool makes_sense(const BendTable& table) {
 }
 
 }  // namespace
+
+std::size_t pieces_of_bend(double angle_rad) {
+  return static_cast<std::size_t>(std::max(1.0, std::ceil(angle_rad / kLargestWhole_rad)));
+}
 
 BendTable bend_table_of(const FittedChain& fitted) {
   BendTable table;

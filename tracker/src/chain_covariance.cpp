@@ -47,29 +47,9 @@ NoiseInFit noise_of(const ChainFit& fit, const MeasuredCenterline& line) {
   return noise;
 }
 
-/// What no node decides on has no variance here, nor has a straight between arcs that touch: where it is 0, that it may
-/// grow by what the arcs give up changes the line in second order only.
-Eigen::MatrixXd inverse_where_decided(const PartChain& chain, const Eigen::MatrixXd& jacobian) {
-  Eigen::MatrixXd normal = jacobian.transpose() * jacobian;
-  const double least = 1e-12 * normal.diagonal().maxCoeff();
-  Eigen::VectorXd decided = Eigen::VectorXd::Ones(normal.rows());
-  for (Eigen::Index k = 0; k < normal.rows(); ++k) {
-    const Eigen::Index in_bend = k - kStartParameters;
-    const bool touching = in_bend >= 0 && in_bend % kBendParameters == 0 &&
-                          chain.bends[static_cast<std::size_t>(in_bend / kBendParameters)].straight_m <= 0.0;
-    if (normal(k, k) > least && !touching) continue;
-    normal.row(k).setZero();
-    normal.col(k).setZero();
-    normal(k, k) = 1.0;
-    decided[k] = 0.0;
-  }
-  Eigen::MatrixXd inverse = normal.ldlt().solve(Eigen::MatrixXd(decided.asDiagonal()));
-  return inverse;
-}
-
 Eigen::MatrixXd covariance_of(const ChainFit& fit, const MeasuredCenterline& line) {
   const NoiseInFit noise = noise_of(fit, line);
-  const Eigen::MatrixXd inverse = inverse_where_decided(fit.chain, fit.jacobian);
+  const Eigen::MatrixXd inverse = inverse_where_decided(fit.chain, fit.jacobian.transpose() * fit.jacobian);
   const Eigen::MatrixXd half = noise.own * noise.correlated.transpose();
   Eigen::MatrixXd spread = half + half.transpose();
   spread.noalias() -= noise.own * noise.own.transpose();
@@ -90,42 +70,62 @@ double root(double variance) {
 
 }  // namespace
 
-FittedChain with_uncertainty(const ChainFit& fit, const MeasuredCenterline& line) {
+Eigen::MatrixXd inverse_where_decided(const PartChain& chain, Eigen::MatrixXd normal) {
+  const double least = 1e-12 * normal.diagonal().maxCoeff();
+  Eigen::VectorXd decided = Eigen::VectorXd::Ones(normal.rows());
+  for (Eigen::Index k = 0; k < normal.rows(); ++k) {
+    const Eigen::Index in_bend = k - kStartParameters;
+    const bool touching = in_bend >= 0 && in_bend % kBendParameters == 0 && k < parameter_count(chain) &&
+                          chain.bends[static_cast<std::size_t>(in_bend / kBendParameters)].straight_m <= 0.0;
+    if (normal(k, k) > least && !touching) continue;
+    normal.row(k).setZero();
+    normal.col(k).setZero();
+    normal(k, k) = 1.0;
+    decided[k] = 0.0;
+  }
+  Eigen::MatrixXd inverse = normal.ldlt().solve(Eigen::MatrixXd(decided.asDiagonal()));
+  return inverse;
+}
+
+FittedChain with_covariance(const PartChain& chain, const Eigen::MatrixXd& covariance, double first_m, double last_m) {
   FittedChain fitted;
-  fitted.chain = fit.chain;
-  const Eigen::MatrixXd covariance = covariance_of(fit, line);
-  const PlacedChain placed = place(fit.chain);
-  for (std::size_t i = 0; i < fit.chain.bends.size(); ++i) {
+  fitted.chain = chain;
+  const PlacedChain placed = place(chain);
+  for (std::size_t i = 0; i < chain.bends.size(); ++i) {
     const auto sigma = [&](BendParameter parameter) {
       const Eigen::Index k = place_of(i, parameter);
       return root(covariance(k, k));
     };
     fitted.sigma.push_back({sigma(BendParameter::straight), i == 0 ? 0.0 : sigma(BendParameter::rotation),
-                            sigma(BendParameter::angle),
-                            fit.chain.bends[i].radius_m * sigma(BendParameter::log_radius)});
+                            sigma(BendParameter::angle), chain.bends[i].radius_m * sigma(BendParameter::log_radius)});
   }
   // The closing length is what the chain leaves over up to the last node.
-  const std::vector<Carry> carries = carries_of(placed, fit.chain);
-  const Eigen::Vector3d arm = placed.last_start_m - fit.chain.start_m;
-  Eigen::VectorXd closing(covariance.rows());
+  const std::vector<Carry> carries = carries_of(placed, chain);
+  const Eigen::Vector3d arm = placed.last_start_m - chain.start_m;
+  Eigen::VectorXd closing(parameter_count(chain));
   for (Eigen::Index k = 0; k < closing.size(); ++k) {
     const Carry& carry = carries[static_cast<std::size_t>(k)];
     closing[k] = placed.last_tangent.dot(carry.turn.cross(arm) + carry.shift);
   }
-  const double first_m = sigma_along(line, 0, fit.chain.direction);
-  const double last_m = sigma_along(line, line.nodes_m.size() - 1, placed.last_tangent);
-  fitted.closing_sigma_m = std::hypot(root(closing.dot(covariance * closing)), last_m);
+  fitted.closing_sigma_m =
+      std::hypot(root(closing.dot(covariance.topLeftCorner(closing.size(), closing.size()) * closing)), last_m);
   if (fitted.sigma.empty()) {
     fitted.closing_sigma_m = std::hypot(first_m, last_m);
     return fitted;
   }
   fitted.sigma.front().straight_m = std::hypot(fitted.sigma.front().straight_m, first_m);
-  if (fit.chain.closing_m <= 0.0) {  // the view ends in the bend
+  if (chain.closing_m <= 0.0) {  // the view ends in the bend
     BendSigma& last = fitted.sigma.back();
-    const ChainBend& bend = fit.chain.bends.back();
+    const ChainBend& bend = chain.bends.back();
     last.angle_rad = std::hypot(bend.angle_rad * last.radius_m, last_m) / bend.radius_m;
   }
   return fitted;
+}
+
+FittedChain with_uncertainty(const ChainFit& fit, const MeasuredCenterline& line) {
+  const PlacedChain placed = place(fit.chain);
+  return with_covariance(fit.chain, covariance_of(fit, line), sigma_along(line, 0, fit.chain.direction),
+                         sigma_along(line, line.nodes_m.size() - 1, placed.last_tangent));
 }
 
 }  // namespace tubetrack

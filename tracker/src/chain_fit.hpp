@@ -25,6 +25,15 @@ struct ChainFit {
 ChainFit fit_chain(const PartChain& initial, const MeasuredCenterline& line, int max_steps,
                    std::optional<double> rival_chi2 = std::nullopt);
 
+/// The inverse of the normal equations of a chain's parameters (and what is behind them). What nothing decides on has
+/// no variance here, nor has a straight between arcs that touch: where it is 0, that it may grow by what the arcs give
+/// up changes the line in second order only.
+Eigen::MatrixXd inverse_where_decided(const PartChain& chain, Eigen::MatrixXd normal);
+
+/// The chain with the σ's of its numbers, from the covariance of its parameters (and what is behind them) and how far,
+/// along the tube, its first and last point may be off.
+FittedChain with_covariance(const PartChain& chain, const Eigen::MatrixXd& covariance, double first_m, double last_m);
+
 /// The chain with its uncertainty: the covariance of the nodes, correlated along the line, through the fit, inflated
 /// where the residuals are larger than it says.
 FittedChain with_uncertainty(const ChainFit& fit, const MeasuredCenterline& line);

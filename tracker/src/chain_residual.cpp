@@ -23,19 +23,6 @@ Carry radius_inside(const PlacedBend& bend, const Eigen::Vector3d& start_m) {
   return {Eigen::Vector3d::Zero(), -(bend.arc_start_m - start_m), 1.0};
 }
 
-/// The place on the chain nearest to a node, by Newton steps from `foot_m`.
-double nearer_foot(const PlacedChain& placed, const Eigen::Vector3d& node_m, double foot_m, double radius_m) {
-  for (int step = 0; step < kFootSteps; ++step) {
-    const ChainPoint point = point_on(placed, foot_m);
-    const Eigen::Vector3d off_m = node_m - point.position_m;
-    const double slope = std::max(0.3, 1.0 - point.curvature_per_m * point.normal.dot(off_m));
-    const double move_m = std::clamp(point.tangent.dot(off_m) / slope, -4.0 * radius_m, 4.0 * radius_m);
-    foot_m += move_m;
-    if (std::abs(move_m) < kFootRadii * radius_m) break;
-  }
-  return foot_m;
-}
-
 /// The whitened directions' derivatives by all parameters.
 void fill_rows(const Probe& probe, const PlacedChain& placed, const PartChain& chain, const std::vector<Carry>& carries,
                Eigen::Ref<Eigen::MatrixXd> rows) {
@@ -57,6 +44,35 @@ void fill_rows(const Probe& probe, const PlacedChain& placed, const PartChain& c
 }
 
 }  // namespace
+
+double nearer_foot(const PlacedChain& placed, const Eigen::Vector3d& node_m, double foot_m, double radius_m) {
+  for (int step = 0; step < kFootSteps; ++step) {
+    const ChainPoint point = point_on(placed, foot_m);
+    const Eigen::Vector3d off_m = node_m - point.position_m;
+    const double slope = std::max(0.3, 1.0 - point.curvature_per_m * point.normal.dot(off_m));
+    const double move_m = std::clamp(point.tangent.dot(off_m) / slope, -4.0 * radius_m, 4.0 * radius_m);
+    foot_m += move_m;
+    if (std::abs(move_m) < kFootRadii * radius_m) break;
+  }
+  return foot_m;
+}
+
+void put_derivatives(const ChainPoint& point, const Eigen::Vector3d& along, const PlacedChain& placed,
+                     const PartChain& chain, const std::vector<Carry>& carries, Eigen::VectorXd& row) {
+  row.setZero(parameter_count(chain));
+  const Eigen::Vector3d arm = point.position_m - chain.start_m;
+  const Eigen::Vector3d moment = arm.cross(along);
+  const auto put = [&](Eigen::Index column, const Carry& carry) {
+    row[column] = along.dot(carry.shift + carry.stretch * arm) + moment.dot(carry.turn);
+  };
+  const Eigen::Index behind = place_of(point.bend, BendParameter::straight);
+  for (Eigen::Index k = 0; k < behind; ++k) put(k, carries[static_cast<std::size_t>(k)]);
+  if (!point.in_arc) return;
+  put(behind, carries[static_cast<std::size_t>(behind)]);
+  const Eigen::Index rotation = place_of(point.bend, BendParameter::rotation);
+  put(rotation, carries[static_cast<std::size_t>(rotation)]);
+  put(place_of(point.bend, BendParameter::log_radius), radius_inside(placed.bends[point.bend], chain.start_m));
+}
 
 Eigen::Index parameter_count(const PartChain& chain) {
   return kStartParameters + kBendParameters * static_cast<Eigen::Index>(chain.bends.size());

@@ -28,6 +28,14 @@ struct Carry {
 /// What each parameter does to all that lies behind its bend.
 std::vector<Carry> carries_of(const PlacedChain& placed, const PartChain& chain);
 
+/// How far the chain's point, fixed in its part, moves along a direction with each parameter.
+void put_derivatives(const ChainPoint& point, const Eigen::Vector3d& along, const PlacedChain& placed,
+                     const PartChain& chain, const std::vector<Carry>& carries, Eigen::VectorXd& row);
+
+/// The place on the chain nearest to a point, by Newton steps from `foot_m`, to a tenth of the tube's radius squared
+/// over the bend's.
+double nearer_foot(const PlacedChain& placed, const Eigen::Vector3d& point_m, double foot_m, double tube_radius_m);
+
 /// Residual of one node and the two directions that it is measured along.
 struct Probe {
   ChainPoint point;

@@ -65,10 +65,15 @@ struct RadiusSums {
   }
 };
 
+/// A surfel's place along the line and its weight.
+struct PlacedArea {
+  double t = 0.0, weight = 0.0;
+};
+
 struct Sections {
   std::vector<std::uint64_t> by_place, by_normal;  // one a station
   std::vector<std::array<RadiusSums, kBins>> radii;
-  std::vector<std::vector<double>> t_agreeing;
+  std::vector<std::vector<PlacedArea>> agreeing;
 };
 
 void set_arcs(const Sections& sections, double min_arc_rad, std::vector<ScanStation>& stations) {
@@ -103,15 +108,32 @@ std::pair<std::size_t, std::size_t> best_run(const std::vector<ScanStation>& sta
   return best;
 }
 
-/// Where the surfels of an end's stations end: but for one in a hundred, or one, of them.
-double end_of(const Sections& sections, std::size_t station, bool front) {
-  std::vector<double> t = sections.t_agreeing[station];
-  const std::size_t inner = front ? station + 1 : station - 1;
-  if (inner < sections.t_agreeing.size())
-    t.insert(t.end(), sections.t_agreeing[inner].begin(), sections.t_agreeing[inner].end());
-  std::sort(t.begin(), t.end());
-  const std::size_t left_out = std::min(t.size() / 100, t.size() - 1);
-  return front ? t[left_out] : t[t.size() - 1 - left_out];
+/// Where the surface ends. The outermost surfels (but for one in a hundred) do so a part of their size before it does;
+/// how much, their areas tell: summed up from the end on, they grow with the way from it.
+double end_of(const Sections& sections, std::size_t station, bool front, double spacing_spans) {
+  constexpr std::size_t kStations = 4;  // 2 radii
+  std::vector<PlacedArea> areas;
+  std::size_t outer = 0;  // of the two outermost stations
+  for (std::size_t i = 0, at = station; i < kStations && at < sections.agreeing.size(); ++i, at += front ? 1 : -1) {
+    areas.insert(areas.end(), sections.agreeing[at].begin(), sections.agreeing[at].end());
+    if (i < 2) outer = areas.size();
+  }
+  const double inward = front ? 1.0 : -1.0;
+  std::sort(areas.begin(), areas.end(), [inward](const PlacedArea& a, const PlacedArea& b) {
+    return inward * a.t < inward * b.t || (a.t == b.t && a.weight < b.weight);
+  });
+  const double outermost = areas[std::min(outer / 100, outer - 1)].t;
+  double area = 0.0, n = 0.0, sx = 0.0, sy = 0.0, sxx = 0.0, sxy = 0.0;
+  for (const PlacedArea& placed : areas) {
+    const double x = area + 0.5 * placed.weight, y = placed.t - outermost;
+    area += placed.weight;
+    n += placed.weight, sx += placed.weight * x, sy += placed.weight * y;
+    sxx += placed.weight * x * x, sxy += placed.weight * x * y;
+  }
+  const double spread = n * sxx - sx * sx;
+  if (!(spread > 0.0)) return outermost;
+  const double beyond = -inward * (sy * sxx - sx * sxy) / spread;  // the line's value where the area is 0
+  return outermost - inward * std::clamp(beyond, 0.0, spacing_spans);
 }
 
 /// RMS of the section's shape against its mean, over stretches of four radii (a section that turns along a long tube
@@ -125,7 +147,7 @@ double profile_rms(const Sections& sections, std::size_t first, std::size_t last
     std::array<RadiusSums, kBins> bins{};
     double pooled = 0.0;
     for (; end <= last && (end < begin + kPooled || pooled < kEnough); ++end) {
-      pooled += static_cast<double>(sections.t_agreeing[end].size());
+      pooled += static_cast<double>(sections.agreeing[end].size());
       for (std::size_t bin = 0; bin < kBins; ++bin) bins[bin] += sections.radii[end][bin];
     }
     double filled = 0.0, mean_m = 0.0, scatter = 0.0;
@@ -182,7 +204,7 @@ Sections gather(std::span<const Surfel> surfels, const std::vector<SurfacePoint>
   sections.by_place.resize(count);
   sections.by_normal.resize(count);
   sections.radii.resize(count);
-  sections.t_agreeing.resize(count);
+  sections.agreeing.resize(count);
   const double agree_m = std::clamp(kAgreeSigmas * scale_m, kAgreeRadii * radius_m, kMostAgreeRadii * radius_m);
   const double half_rad = std::min(0.75 * spacing_m / radius_m, 0.4);
   for (const SurfacePoint& point : points) {
@@ -198,7 +220,7 @@ Sections gather(std::span<const Surfel> surfels, const std::vector<SurfacePoint>
     sections.by_normal[at] |= bins_around(angle_of(outward, frames[at]), half_rad);
     const auto bin = static_cast<std::size_t>(bin_of(place_rad));
     sections.radii[at][bin] += {1.0, point.distance_m, point.distance_m * point.distance_m};
-    sections.t_agreeing[at].push_back(point.t);
+    sections.agreeing[at].push_back({point.t, weight});
   }
   for (ScanStation& station : stations) {
     if (station.agree > 0.0) station.radius_m /= station.agree;
@@ -236,8 +258,9 @@ ScanEvidence look_at(std::span<const Surfel> surfels, const std::vector<SurfaceP
   set_arcs(sections, min_arc_rad, evidence.stations);
   const auto [first, last] = best_run(evidence.stations);
   if (first > last) return evidence;
-  evidence.t_begin = end_of(sections, first, true);
-  evidence.t_end = end_of(sections, last, false);
+  const double spacing_spans = spacing_m / (line_m / spline.spans());
+  evidence.t_begin = std::max(0.0, end_of(sections, first, true, spacing_spans));
+  evidence.t_end = std::min(spline.spans(), end_of(sections, last, false, spacing_spans));
   if (line.closed() && first <= static_cast<std::size_t>(line.overlap / station_spans) &&
       evidence.t_end >= line.overlap + line.period - station_spans) {
     evidence.t_begin = line.overlap;

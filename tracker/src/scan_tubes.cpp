@@ -6,9 +6,9 @@
 #include <cmath>
 
 #include "scan_grow.hpp"
+#include "scan_result.hpp"
 #include "scan_votes.hpp"
 #include "stopwatch.hpp"
-#include "tube_result.hpp"
 
 namespace tubetrack {
 
@@ -148,67 +148,6 @@ void join_pieces(std::vector<ScanTube>& tubes, std::span<const Surfel> surfels, 
   }
 }
 
-const FitWindow& window_at(const ScanFit& fit, double t) {
-  const auto after =
-      std::find_if(fit.windows.begin(), fit.windows.end(), [t](const FitWindow& window) { return t <= window.t_end; });
-  return after == fit.windows.end() ? fit.windows.back() : *after;
-}
-
-/// Radius at t: of the seen stations within two radii, weighted by what agrees there.
-double radius_near(const ScanEvidence& evidence, double t, double otherwise_m) {
-  constexpr double kNearSpans = 2.0 / kKnotSpacingRadii;
-  double sum = 0.0, weights = 0.0;
-  for (const ScanStation& station : evidence.stations) {
-    if (!station.seen || std::abs(station.t - t) > kNearSpans) continue;
-    sum += station.agree * station.radius_m;
-    weights += station.agree;
-  }
-  return weights > 0.0 ? sum / weights : otherwise_m;
-}
-
-/// Fills in node_radius_m where the radius varies along the tube: by more than a tenth, and seen from all around, or a
-/// bend of a half-seen tube would be taken for it.
-void add_node_radii(const ScanTube& found, Tube& tube) {
-  constexpr double kVaries = 0.1, kAllAround_rad = 4.2;
-  if (found.evidence.arc_rad < kAllAround_rad) return;
-  std::vector<double> radii_m;
-  const double begin = found.evidence.t_begin, end = found.evidence.t_end;
-  const auto spans = static_cast<double>(tube.centerline_m.size() - 1);
-  for (std::size_t i = 0; i < tube.centerline_m.size(); ++i) {
-    const double t = begin + (end - begin) * static_cast<double>(i) / spans;
-    radii_m.push_back(radius_near(found.evidence, t, tube.radius_m));
-  }
-  const auto [least, most] = std::minmax_element(radii_m.begin(), radii_m.end());
-  if (*most - *least > kVaries * tube.radius_m) tube.node_radius_m = std::move(radii_m);
-}
-
-Tube result_of(const ScanTube& found) {
-  Tube tube;
-  const Spline& spline = found.line.model.spline;
-  const ScanEvidence& evidence = found.evidence;
-  tube.radius_m = found.line.model.radius_m;
-  tube.radius_sigma_m = found.fit.radius_sigma_m;
-  tube.confidence = std::min(1.0, evidence.support);
-  tube.closed = found.line.closed() && evidence.t_end - evidence.t_begin >= found.line.period;
-  constexpr double kNodeRadii = 0.5;
-  const int spans = std::max(2, static_cast<int>(std::ceil(evidence.length_m / (kNodeRadii * tube.radius_m))));
-  std::size_t station = 0;
-  for (int i = 0; i <= spans; ++i) {
-    const double t = evidence.t_begin + (evidence.t_end - evidence.t_begin) * i / spans;
-    tube.centerline_m.push_back(point_at(spline, t));
-    while (station + 1 < evidence.stations.size() &&
-           std::abs(evidence.stations[station + 1].t - t) <= std::abs(evidence.stations[station].t - t))
-      ++station;
-    tube.node_visible.push_back(evidence.stations[station].seen);
-    const FitWindow& window = window_at(found.fit, t);
-    add_uncertainty(window.spline, window.covariance, t - static_cast<double>(window.first), tube);
-  }
-  if (tube.closed) tube.centerline_m.back() = tube.centerline_m.front();
-  add_node_radii(found, tube);
-  tube.length_m = polyline_length_m(tube.centerline_m);
-  return tube;
-}
-
 }  // namespace
 
 Expected<void> validate(const ScanTubesConfig& config) {
@@ -242,14 +181,11 @@ TubeFrame find_scan_tubes(std::span<const Surfel> surfels, const ScanTubesConfig
   watch.lap(searched_ms);  // search_octave has told
   std::vector<ScanTube> tubes = chosen(std::move(candidates), surfels, config);
   join_pieces(tubes, surfels, config);
-  for (const ScanTube& tube : tubes) frame.tubes.push_back(result_of(tube));
   watch.lap(frame.stages.fit_ms);
+  for (const ScanTube& tube : tubes) frame.tubes.push_back(result_of(tube, surfels, config));
   std::stable_sort(frame.tubes.begin(), frame.tubes.end(),
                    [](const Tube& a, const Tube& b) { return a.length_m > b.length_m; });
-  for (std::size_t i = 0; i < frame.tubes.size(); ++i) {
-    frame.tubes[i].id = static_cast<std::int64_t>(i) + 1;
-    add_parts(frame.tubes[i]);
-  }
+  for (std::size_t i = 0; i < frame.tubes.size(); ++i) frame.tubes[i].id = static_cast<std::int64_t>(i) + 1;
   watch.lap(frame.stages.segment_ms);
   frame.status = frame.tubes.empty() ? TrackStatus::empty : TrackStatus::ok;
   all.lap(frame.latency_ms);

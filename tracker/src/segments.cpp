@@ -175,6 +175,10 @@ MeasuredCenterline fitted_centerline(const Tube& tube) {
           kUnsureEndRadii * tube.radius_m};
 }
 
+std::vector<Segment> segments_of(const PartChain& chain) {
+  return segments_of(chain, std::vector<bool>(chain.bends.size(), false));
+}
+
 CenterlineParts cut_into_parts(const MeasuredCenterline& measured) {
   const std::optional<CleanLine> clean = cleaned(measured);
   if (!clean) return {};

@@ -82,7 +82,10 @@ Tube result_of(const FollowedTube& followed, const HeightMap& map) {
 }
 
 void add_parts(Tube& tube) {
-  CenterlineParts parts = cut_into_parts(fitted_centerline(tube));
+  set_parts(cut_into_parts(fitted_centerline(tube)), tube);
+}
+
+void set_parts(CenterlineParts parts, Tube& tube) {
   tube.segments = std::move(parts.segments);
   tube.bend_table = parts.fitted ? bend_table_of(*parts.fitted) : BendTable{};
 }

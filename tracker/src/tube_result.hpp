@@ -1,6 +1,7 @@
 #pragma once
 
 #include "tubetrack/tracker/follow.hpp"
+#include "tubetrack/tracker/segments.hpp"
 
 namespace tubetrack {
 
@@ -15,6 +16,7 @@ void add_uncertainty(const Spline& spline, const Eigen::MatrixXd& covariance, do
 
 /// Fills in `segments` and `bend_table` from the centreline (paper, section 3).
 void add_parts(Tube& tube);
+void set_parts(CenterlineParts parts, Tube& tube);
 
 /// Adds to the uncertainty of a tube out of sight what it may have moved by since, in any direction: while hidden it is
 /// predicted, not seen.

@@ -15,6 +15,9 @@ namespace tubetrack {
 /// - it is the closing row and its length is below 2 σ.
 BendTable bend_table_of(const FittedChain& fitted);
 
+/// Into so many pieces a bend is split for XYZ points: a bend above 150° into two, above 300° into three.
+std::size_t pieces_of_bend(double angle_rad);
+
 /// The inverse: the chain that a table describes, in the frame of its XYZ points, which give the start, the direction
 /// and the first bend's plane; all else is from LRA. Nothing where the table can't be a tube's: not two distinct
 /// points, no closing row, a length or an angle below 0, a bend without a radius, a number that is not finite.

@@ -52,4 +52,7 @@ struct CenterlineParts {
 /// finite, or where the radius or a variance can't be one.
 CenterlineParts cut_into_parts(const MeasuredCenterline& line);
 
+/// The straight and toric parts of a chain, in order and without gaps.
+std::vector<Segment> segments_of(const PartChain& chain);
+
 }  // namespace tubetrack

@@ -6,7 +6,7 @@
 #include <limits>
 #include <numbers>
 
-namespace tubetrack::test {
+namespace tubetrack::bench {
 
 namespace {
 
@@ -38,6 +38,7 @@ Scan mesh_of_tube(const PartChain& chain, const ScanOfTube& how, std::mt19937_64
   const int columns = whole ? around : around + 1;
   std::normal_distribution<double> noise(0.0, how.noise_m > 0.0 ? how.noise_m : 1.0);
   Eigen::Vector3d e1 = placed.last_towards;
+  std::vector<Eigen::Vector3d> outward;  // of each point, without noise
   const int last_ring = how.closed ? rings - 1 : rings;
   for (int i = 0; i <= last_ring; ++i) {
     const ChainPoint at = point_on(placed, length_m * i / rings);
@@ -46,18 +47,23 @@ Scan mesh_of_tube(const PartChain& chain, const ScanOfTube& how, std::mt19937_64
     for (int k = 0; k < columns; ++k) {
       const double angle = how.section_rad * (static_cast<double>(k) / around - (whole ? 0.0 : 0.5));
       const double r = how.radius_m + (how.noise_m > 0.0 ? noise(random) : 0.0);
-      scan.points_m.emplace_back(at.position_m + r * (std::cos(angle) * e1 + std::sin(angle) * e2));
+      outward.emplace_back(std::cos(angle) * e1 + std::sin(angle) * e2);
+      scan.points_m.emplace_back(at.position_m + r * outward.back());
     }
   }
   const auto index = [&](int i, int k) {
     return static_cast<std::uint32_t>((i % (last_ring + 1)) * columns + k % columns);
   };
+  const auto add_face = [&](std::uint32_t a, std::uint32_t b, std::uint32_t c) {
+    if (!how.one_side || (outward[a] + outward[b] + outward[c]).dot(how.seen_from) > 0.0)
+      scan.faces.push_back({a, b, c});
+  };
   const int ring_count = how.closed ? rings : last_ring;
   for (int i = 0; i < ring_count; ++i) {
     for (int k = 0; k < around; ++k) {
       const std::uint32_t a = index(i, k), b = index(i, k + 1), c = index(i + 1, k), d = index(i + 1, k + 1);
-      scan.faces.push_back({a, b, d});
-      scan.faces.push_back({a, d, c});
+      add_face(a, b, d);
+      add_face(a, d, c);
     }
   }
   scan.grid_step_m = default_grid_step_m(scan);
@@ -154,4 +160,4 @@ LineError error_of(const std::vector<Eigen::Vector3d>& nodes_m, const PartChain&
   return error;
 }
 
-}  // namespace tubetrack::test
+}  // namespace tubetrack::bench

@@ -6,7 +6,7 @@
 #include "tubetrack/replay/scan_file.hpp"
 #include "tubetrack/tracker/part_chain.hpp"
 
-namespace tubetrack::test {
+namespace tubetrack::bench {
 
 /// How the surface of a tube is scanned. Lengths in metres.
 struct ScanOfTube {
@@ -16,6 +16,9 @@ struct ScanOfTube {
   Eigen::Vector3d seen_from = -Eigen::Vector3d::UnitZ();
   double noise_m = 0.0;  ///< σ of the points, along the surface's normal
   bool closed = false;   ///< the chain's end is its start: no ends are left open
+  /// Only the faces that look toward `seen_from`, by the tube's own normal: half of every section, with what lies in
+  /// front of it looked through.
+  bool one_side = false;
 };
 
 /// The surface as triangles of about two a square of the step; the tube's ends are open. A half-seen section faces
@@ -38,4 +41,4 @@ struct LineError {
 };
 LineError error_of(const std::vector<Eigen::Vector3d>& nodes_m, const PartChain& chain);
 
-}  // namespace tubetrack::test
+}  // namespace tubetrack::bench
