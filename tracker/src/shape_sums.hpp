@@ -34,10 +34,18 @@ struct ShapeSums {
 };
 
 /// How far a reading may stray and still be this tube's.
-double agreement_m(const TubeModel& model, const PredictedPixel& pixel);
+inline double agreement_m(const TubeModel& model, const PredictedPixel& pixel) {
+  return 3.5 * pixel.sigma_m + 0.05 * model.radius_m;
+}
 
 /// A reading of the tube or of what may stand in its place.
-void add_to_shape(const TubeModel& model, const PredictedPixel& pixel, double off_m, ShapeSums& shape);
+inline void add_to_shape(const TubeModel& model, const PredictedPixel& pixel, double off_m, ShapeSums& shape) {
+  const double sigma_m = pixel.sigma_m;
+  if (std::abs(off_m) > 0.6 * model.radius_m + 4.0 * sigma_m) return;
+  const double cos_angle = std::sqrt(std::max(0.0, 1.0 - 1.0 * pixel.lateral * pixel.lateral));
+  const double radii = pixel.across / model.radius_m;
+  shape.add(cos_angle, off_m * radii, 1.0 / (sigma_m * sigma_m * radii * radii));
+}
 
 double arc_length_m(const Spline& spline, double t_begin, double t_end);
 

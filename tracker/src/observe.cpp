@@ -1,0 +1,55 @@
+#include "observe.hpp"
+
+#include <cmath>
+
+namespace tubetrack {
+
+namespace {
+
+/// Which pixels, and how many in each stretch.
+void choose(const HeightMap& map, const NoiseModel& noise, std::span<const PredictedPixel> pixels, const Gates& gates,
+            const Extent& extent, Sighting& sighting) {
+  const std::size_t stretches = sighting.near_next.size();
+  sighting.chosen.resize(pixels.size());
+  Sighting::Chosen* chosen = sighting.chosen.data();
+  const auto margin_px = least_margin_px(noise);
+  for (std::size_t i = 0; i < pixels.size(); ++i) {
+    const PredictedPixel& pixel = pixels[i];
+    const float measured_m = map.depth_m[pixel.cell];
+    if (measured_m <= 0.0F || pixel.cos_incidence < kCos75 || pixel.margin_px < margin_px) continue;
+    if (pixel.t < extent.t_begin || pixel.t > extent.t_end) continue;
+    const double depth_m = unbiased_m(map, noise, pixel, measured_m);
+    const double off_m = std::abs(depth_m - pixel.depth_m);
+    const double noise_m = gates.sigmas * pixel.sigma_m;
+    if (off_m > gates.far_m + noise_m) continue;
+    const std::size_t k = stretch_of(pixel.t, stretches);
+    const bool is_near = off_m <= gates.near_m + noise_m;
+    ++(is_near ? sighting.near_next : sighting.far_next)[k];
+    *chosen++ = {static_cast<float>(depth_m), static_cast<std::uint32_t>(i), static_cast<std::uint32_t>(k), is_near};
+  }
+  sighting.chosen.resize(static_cast<std::size_t>(chosen - sighting.chosen.data()));
+}
+
+}  // namespace
+
+void observe(const HeightMap& map, const NoiseModel& noise, const Spline& spline,
+             std::span<const PredictedPixel> pixels, const Gates& gates, const Extent& extent, Sighting& sighting) {
+  const std::size_t stretches = (spline.control_m.size() - 3) * kStretchesPerSpan;
+  sighting.near_next.assign(stretches, 0);
+  sighting.far_next.assign(stretches, 0);
+  choose(map, noise, pixels, gates, extent, sighting);
+  make_room(spline, sighting.near_next, sighting.near);
+  make_room(spline, sighting.far_next, sighting.far);
+  for (const Sighting::Chosen& one : sighting.chosen) {
+    const PredictedPixel& pixel = pixels[one.pixel];
+    const Eigen::Vector3f direction(map.rays[pixel.cell].x(), map.rays[pixel.cell].y(), 1.0F);
+    const Eigen::Vector3d point_m = static_cast<double>(one.depth_m) * direction.cast<double>();
+    const float weight = 1.0F / (pixel.sigma_m * pixel.sigma_m);
+    if (one.is_near)
+      put(point_m, direction, weight, pixel.t, one.stretch, sighting.near_next[one.stretch]++, sighting.near);
+    else
+      put(point_m, direction, weight, pixel.t, one.stretch, sighting.far_next[one.stretch]++, sighting.far);
+  }
+}
+
+}  // namespace tubetrack
