@@ -182,11 +182,12 @@ void look(FollowedTube& tube, const HeightMap& map) {
   tube.state = enough ? TubeState::tracked : 2 * unknown > all && all > 0 ? TubeState::occluded : TubeState::lost;
 }
 
-/// Goes on along what the image confirms until there is no more, or none without a bend that no tube has.
-void lengthen(FollowedTube& tube, const HeightMap& map, const TrackerConfig& config) {
+/// Goes on along what the image confirms until so many rounds brought nothing more, or none without a bend that no tube
+/// has.
+void lengthen(FollowedTube& tube, const HeightMap& map, const TrackerConfig& config, int patience) {
   constexpr int kMaxRounds = 40;
   int stalled = 0;
-  for (int round = 0; round < kMaxRounds && stalled < 3; ++round) {
+  for (int round = 0; round < kMaxRounds && stalled < patience; ++round) {
     FollowedTube longer = tube;
     fit_spline_to_extent(longer);
     if (!fit_to_frame(longer, map, config, longer.model)) return;
@@ -211,14 +212,19 @@ void pool_first_frame(FollowedTube& tube) {
   add_to_pool(tube);
 }
 
-/// A copy but for pixels and stations, which are large.
-FollowedTube without_sight(FollowedTube& tube) {
+/// The tube as it is before a frame, but for what that replaces or leaves alone in any case, which is large.
+FollowedTube set_aside(FollowedTube& tube) {
   auto pixels = std::move(tube.pixels);
   auto stations = std::move(tube.stations);
-  FollowedTube copy = tube;
+  auto pooled = std::move(tube.pooled);
+  auto quality = std::exchange(tube.quality, {});
+  tube.quality.radius_sigma_m = quality.radius_sigma_m;
+  FollowedTube before = tube;
+  before.quality = std::move(quality);
   tube.pixels = std::move(pixels);
   tube.stations = std::move(stations);
-  return copy;
+  tube.pooled = std::move(pooled);
+  return before;
 }
 
 /// Not seen where it is expected: it stays as it was before this frame, but there.
@@ -227,6 +233,7 @@ void keep_expected(FollowedTube& tube, FollowedTube before, TubeModel expected) 
   before.state = tube.state;
   before.pixels = std::move(tube.pixels);
   before.stations = std::move(tube.stations);
+  before.pooled = std::move(tube.pooled);
   tube = std::move(before);
 }
 
@@ -246,7 +253,7 @@ FollowedTube start_following(FoundTube found, const HeightMap& map, const Tracke
   tube.stations = stations_of(map, tube.model, tube.pixels, station_length_m(map, tube.model));
   // A little more at an end may be the foot of a can or the table that it stands on; much more is tube.
   FollowedTube longer = tube;
-  lengthen(longer, map, config);
+  lengthen(longer, map, config, found.joined ? 3 : 1);
   if (found.joined || length_m(longer) - length_m(tube) > 2.0 * tube.model.radius_m) tube = std::move(longer);
   tube.last_seen_s = timestamp_s;
   pool_first_frame(tube);
@@ -267,7 +274,7 @@ void follow_tube(FollowedTube& tube, const HeightMap& map, const TrackerConfig& 
   if (tube.at_rest) creep_on(tube, elapsed_s);
   TubeModel expected = tube.model;
   if (!tube.at_rest) move(expected, during(tube.velocity, elapsed_s));
-  FollowedTube before = without_sight(tube);
+  FollowedTube before = set_aside(tube);
   TubeModel model = expected;
   View view;
   bool fitted = judge_motion(tube, map, config, model, elapsed_s, view);

@@ -1,5 +1,6 @@
 #include "observe.hpp"
 
+#include <algorithm>
 #include <cmath>
 
 namespace tubetrack {
@@ -12,13 +13,14 @@ void choose(const HeightMap& map, const NoiseModel& noise, std::span<const Predi
   const std::size_t stretches = sighting.near_next.size();
   sighting.chosen.resize(pixels.size());
   Sighting::Chosen* chosen = sighting.chosen.data();
-  const auto margin_px = least_margin_px(noise);
+  const float margin_px = least_margin_px(noise);
+  const ReadingRule rule = reading_rule(map, noise);
   for (std::size_t i = 0; i < pixels.size(); ++i) {
     const PredictedPixel& pixel = pixels[i];
     const float measured_m = map.depth_m[pixel.cell];
     if (measured_m <= 0.0F || pixel.cos_incidence < kCos75 || pixel.margin_px < margin_px) continue;
     if (pixel.t < extent.t_begin || pixel.t > extent.t_end) continue;
-    const double depth_m = unbiased_m(map, noise, pixel, measured_m);
+    const double depth_m = unbiased_m(rule, pixel, measured_m);
     const double off_m = std::abs(depth_m - pixel.depth_m);
     const double noise_m = gates.sigmas * pixel.sigma_m;
     if (off_m > gates.far_m + noise_m) continue;
@@ -35,6 +37,7 @@ void choose(const HeightMap& map, const NoiseModel& noise, std::span<const Predi
 void observe(const HeightMap& map, const NoiseModel& noise, const Spline& spline,
              std::span<const PredictedPixel> pixels, const Gates& gates, const Extent& extent, Sighting& sighting) {
   const std::size_t stretches = (spline.control_m.size() - 3) * kStretchesPerSpan;
+  const auto spans = static_cast<float>(spline.spans());
   sighting.near_next.assign(stretches, 0);
   sighting.far_next.assign(stretches, 0);
   choose(map, noise, pixels, gates, extent, sighting);
@@ -43,12 +46,13 @@ void observe(const HeightMap& map, const NoiseModel& noise, const Spline& spline
   for (const Sighting::Chosen& one : sighting.chosen) {
     const PredictedPixel& pixel = pixels[one.pixel];
     const Eigen::Vector3f direction(map.rays[pixel.cell].x(), map.rays[pixel.cell].y(), 1.0F);
-    const Eigen::Vector3d point_m = static_cast<double>(one.depth_m) * direction.cast<double>();
-    const float weight = 1.0F / (pixel.sigma_m * pixel.sigma_m);
-    if (one.is_near)
-      put(point_m, direction, weight, pixel.t, one.stretch, sighting.near_next[one.stretch]++, sighting.near);
-    else
-      put(point_m, direction, weight, pixel.t, one.stretch, sighting.far_next[one.stretch]++, sighting.far);
+    const std::size_t span = one.stretch / kStretchesPerSpan;
+    SortedObservations& side = one.is_near ? sighting.near : sighting.far;
+    const std::size_t at = (one.is_near ? sighting.near_next : sighting.far_next)[one.stretch]++;
+    // In floats: a hundred-millionth of the depth off, by chance.
+    const Eigen::Vector3f from_origin = one.depth_m * direction - side.origin_m[span].cast<float>();
+    const float s = std::clamp(pixel.t, 0.0F, spans) - static_cast<float>(span);
+    put(from_origin, direction, 1.0F / (pixel.sigma_m * pixel.sigma_m), s, at, side);
   }
 }
 

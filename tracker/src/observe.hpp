@@ -1,5 +1,7 @@
 #pragma once
 
+#include <algorithm>
+#include <cmath>
 #include <cstddef>
 #include <cstdint>
 #include <span>
@@ -13,9 +15,20 @@ namespace tubetrack {
 /// How far inside the silhouette a pixel must be, so that what jitters across it neither comes in nor is missing.
 float least_margin_px(const NoiseModel& noise);
 
-/// A reading back at its disparity level, the jitter's bias taken off.
-inline double unbiased_m(const HeightMap& map, const NoiseModel& noise, const PredictedPixel& pixel, float measured_m) {
-  const double reading_m = map.at_disparity_levels ? depth_of_level_m(noise, measured_m) : measured_m;
+/// What a reading is put right by: `depth_of_level_m` where the map's readings lie at levels, and the jitter's bias.
+struct ReadingRule {
+  double per_level_m = 0.0;  ///< level n is at per_level_m / n; 0: no levels
+};
+inline ReadingRule reading_rule(const HeightMap& map, const NoiseModel& noise) {
+  if (!map.at_disparity_levels || noise.disparity_step_px <= 0.0) return {};
+  return {noise.baseline_focal_m_px / noise.disparity_step_px};
+}
+inline double unbiased_m(const ReadingRule& rule, const PredictedPixel& pixel, float measured_m) {
+  double reading_m = measured_m;
+  if (rule.per_level_m > 0.0) {
+    const double level = std::trunc(rule.per_level_m / reading_m + 0.5);
+    reading_m = rule.per_level_m / std::max(1.0, level);
+  }
   return reading_m - pixel.jitter_bias_m;
 }
 

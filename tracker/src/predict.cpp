@@ -105,11 +105,18 @@ struct Edge {
   double u_top = 0.0, u_per_row = 0.0;
 };
 
-/// A piece with its outline and the rows of the image in which it may be seen.
+/// A piece with its outline.
 struct Outlined {
   RowPiece piece;
   std::array<Edge, 4> edges;
-  Range rows;
+};
+
+/// Those of a tube, and of each the rows of the image in which it may be seen: every row asks all of them for that.
+struct OutlinedTube {
+  std::vector<Outlined> pieces;
+  std::vector<Range> rows;
+  Range all_rows;
+  double pixels = 0.0;  ///< about so many are inside the outlines, which overlap
 };
 
 std::array<Edge, 4> edges_of(const Quad& quad) {
@@ -142,13 +149,23 @@ RowPiece row_piece(const Piece& piece) {
   return row;
 }
 
-std::vector<Outlined> outline_all(const Intrinsics& in, const TubeModel& model) {
-  std::vector<Outlined> all;
+double area_px(const Quad& quad) {
+  const auto cross = [](const Eigen::Vector2d& a, const Eigen::Vector2d& b) { return a.x() * b.y() - a.y() * b.x(); };
+  return 0.5 * std::abs(cross(quad[2] - quad[0], quad[3] - quad[1]));
+}
+
+OutlinedTube outline_all(const Intrinsics& in, const TubeModel& model) {
+  OutlinedTube all;
+  all.all_rows = {in.height, 0};
   for (const Piece& piece : cut_into_pieces(model)) {
     const std::optional<Quad> quad = outline_of(in, piece, model.radius_m);
     if (!quad) continue;
     const auto [top, bottom] = std::minmax({(*quad)[0].y(), (*quad)[1].y(), (*quad)[2].y(), (*quad)[3].y()});
-    all.push_back({row_piece(piece), edges_of(*quad), between(top, bottom, in.height)});
+    const Range rows = between(top, bottom, in.height);
+    all.pieces.push_back({row_piece(piece), edges_of(*quad)});
+    all.rows.push_back(rows);
+    all.all_rows = {std::min(all.all_rows.begin, rows.begin), std::max(all.all_rows.end, rows.end)};
+    all.pixels += std::min(area_px(*quad), 1.0 * in.width * (rows.end - rows.begin));
   }
   return all;
 }
@@ -188,12 +205,13 @@ void take_rays(const RayLookup& rays, int v, int stride, const Range& pixels, Pr
 }
 
 /// Intersects the pixels of row v with every piece, and tells which pixels that may have been: in strides.
-Range intersect_all(const RayLookup& rays, const std::vector<Outlined>& outlined, float radius_m, int v, int stride,
+Range intersect_all(const RayLookup& rays, const OutlinedTube& outlined, float radius_m, int v, int stride,
                     PredictedRow& row) {
   const int width = rays.map.intrinsics.width;
   Range touched{width, 0};
-  for (const Outlined& one : outlined) {
-    if (v < one.rows.begin || v >= one.rows.end) continue;
+  for (std::size_t k = 0; k < outlined.rows.size(); ++k) {
+    if (v < outlined.rows[k].begin || v >= outlined.rows[k].end) continue;
+    const Outlined& one = outlined.pieces[k];
     const Range columns = columns_in(one.edges, v, width);
     const int begin = divided_up(columns.begin, stride);
     const int end = divided_up(columns.end, stride);
@@ -243,10 +261,12 @@ PredictedRow& row_for(int pixels) {
 void predict_pixels(const HeightMap& map, const NoiseModel& noise, const TubeModel& model, int stride,
                     std::vector<PredictedPixel>& pixels) {
   const Intrinsics& in = map.intrinsics;
-  const std::vector<Outlined> outlined = outline_all(in, model);
-  Range rows{in.height, 0};
-  for (const Outlined& one : outlined) {
-    rows = {std::min(rows.begin, one.rows.begin), std::max(rows.end, one.rows.end)};
+  const OutlinedTube outlined = outline_all(in, model);
+  const Range rows = outlined.all_rows;
+  const auto room = static_cast<std::size_t>(outlined.pixels / (stride * stride));
+  if (pixels.capacity() < room) {
+    pixels = {};  // nothing in it is worth a copy
+    pixels.reserve(room + room / 2);
   }
   PredictedRow& row = row_for(in.width);
   const RayLookup rays{map, in.has_distortion()};
@@ -256,7 +276,7 @@ void predict_pixels(const HeightMap& map, const NoiseModel& noise, const TubeMod
     if (touched.begin >= touched.end) continue;
     judge_row(noise, in.fx_px, model.radius_m, touched.begin, touched.end, row);
     const std::size_t most = count + static_cast<std::size_t>(touched.end - touched.begin);
-    if (pixels.size() < most) pixels.resize(std::max(most, 2 * pixels.size()));
+    if (pixels.size() < most) pixels.resize(std::max(most, std::min(2 * pixels.size(), pixels.capacity())));
     PredictedPixel* const end = take_pixels(row, touched, map.cell(0, v), stride, pixels.data() + count);
     count = static_cast<std::size_t>(end - pixels.data());
   }
@@ -277,13 +297,14 @@ float least_margin_px(const NoiseModel& noise) {
 std::vector<Observation> select_observations(const HeightMap& map, const NoiseModel& noise,
                                              const std::vector<PredictedPixel>& predicted, double gate_m,
                                              double gate_sigmas, const Extent& extent) {
+  const ReadingRule rule = reading_rule(map, noise);
   std::vector<Observation> observations;
   observations.reserve(predicted.size());
   for (const PredictedPixel& pixel : predicted) {
     const float measured = map.depth_m[pixel.cell];
     if (measured <= 0.0F || pixel.cos_incidence < kCos75 || pixel.margin_px < least_margin_px(noise)) continue;
     if (pixel.t < extent.t_begin || pixel.t > extent.t_end) continue;
-    const double depth_m = unbiased_m(map, noise, pixel, measured);
+    const double depth_m = unbiased_m(rule, pixel, measured);
     if (std::abs(depth_m - pixel.depth_m) > gate_m + gate_sigmas * pixel.sigma_m) continue;
     const Eigen::Vector3d ray(map.rays[pixel.cell].x(), map.rays[pixel.cell].y(), 1.0);
     const double norm = ray.norm();

@@ -40,11 +40,11 @@ inline double agreement_m(const TubeModel& model, const PredictedPixel& pixel) {
 
 /// A reading of the tube or of what may stand in its place.
 inline void add_to_shape(const TubeModel& model, const PredictedPixel& pixel, double off_m, ShapeSums& shape) {
-  const double sigma_m = pixel.sigma_m;
-  if (std::abs(off_m) > 0.6 * model.radius_m + 4.0 * sigma_m) return;
-  const double cos_angle = std::sqrt(std::max(0.0, 1.0 - 1.0 * pixel.lateral * pixel.lateral));
-  const double radii = pixel.across / model.radius_m;
-  shape.add(cos_angle, off_m * radii, 1.0 / (sigma_m * sigma_m * radii * radii));
+  if (std::abs(off_m) > 0.6 * model.radius_m + 4.0 * pixel.sigma_m) return;
+  const float cos_angle = std::sqrt(std::max(0.0F, 1.0F - pixel.lateral * pixel.lateral));
+  const float radii = pixel.across / static_cast<float>(model.radius_m);
+  const float sigma = pixel.sigma_m * radii;
+  shape.add(cos_angle, off_m * radii, 1.0F / (sigma * sigma));
 }
 
 double arc_length_m(const Spline& spline, double t_begin, double t_end);

@@ -31,9 +31,10 @@ std::vector<Station> stations_of(const HeightMap& map, const TubeModel& model,
   std::vector<Station> stations(static_cast<std::size_t>(count));
   for (int i = 0; i < count; ++i) stations[static_cast<std::size_t>(i)].t = (i + 0.5) * spans / count;
   std::vector<ShapeSums> shapes(stations.size());
+  const double per_span = count / spans;
   for (const PredictedPixel& pixel : predicted) {
     if (pixel.cos_incidence < kCos75) continue;
-    const int at = std::clamp(static_cast<int>(pixel.t / spans * count), 0, count - 1);
+    const int at = std::clamp(static_cast<int>(pixel.t * per_span), 0, count - 1);
     Station& station = stations[static_cast<std::size_t>(at)];
     ++station.expected;
     const float measured = map.depth_m[pixel.cell];

@@ -217,9 +217,12 @@ SortedObservations sort_by_stretch(std::span<const Observation> observations, co
   make_room(spline, next, sorted);
   for (const Observation& observation : observations) {
     const std::size_t k = stretch_of(observation.t, stretches);
+    const std::size_t span = k / kStretchesPerSpan;
+    const Eigen::Vector3d from_origin_m = observation.point_m - sorted.origin_m[span];
     const double weight = 1.0 / (observation.sigma_m * observation.sigma_m);
-    put(observation.point_m, observation.direction.cast<float>(), static_cast<float>(weight), observation.t, k,
-        next[k]++, sorted);
+    const double s = std::clamp(observation.t, 0.0, spline.spans()) - static_cast<double>(span);
+    put(from_origin_m.cast<float>(), observation.direction.cast<float>(), static_cast<float>(weight),
+        static_cast<float>(s), next[k]++, sorted);
   }
   return sorted;
 }

@@ -52,21 +52,18 @@ inline std::size_t stretch_of(double t, std::size_t stretches) {
   return std::min(static_cast<std::size_t>(std::max(t, 0.0) * kStretchesPerSpan), stretches - 1);
 }
 void make_room(const Spline& spline, std::vector<std::size_t>& count, SortedObservations& sorted);
-inline void put(const Eigen::Vector3d& point_m, const Eigen::Vector3f& direction, float weight, double t,
-                std::size_t stretch, std::size_t at, SortedObservations& sorted) {
-  const std::size_t span = stretch / kStretchesPerSpan;
-  const Eigen::Vector3f from_origin = (point_m - sorted.origin_m[span]).cast<float>();
-  const double s = std::clamp(t, 0.0, static_cast<double>(sorted.origin_m.size())) - static_cast<double>(span);
+inline void put(const Eigen::Vector3f& from_origin_m, const Eigen::Vector3f& direction, float weight, float s,
+                std::size_t at, SortedObservations& sorted) {
   ObservationBlock& block = sorted.blocks[at / kPartials];
   const auto put_lane = [&](std::size_t lane, float weight_there) {
-    block.x[lane] = from_origin.x();
-    block.y[lane] = from_origin.y();
-    block.z[lane] = from_origin.z();
+    block.x[lane] = from_origin_m.x();
+    block.y[lane] = from_origin_m.y();
+    block.z[lane] = from_origin_m.z();
     block.direction_x[lane] = direction.x();
     block.direction_y[lane] = direction.y();
     block.direction_z[lane] = direction.z();
     block.weight[lane] = weight_there;
-    block.s[lane] = static_cast<float>(s);
+    block.s[lane] = s;
   };
   put_lane(at % kPartials, weight);
   if (at % kPartials != 0) return;
