@@ -21,7 +21,7 @@ constexpr int kFramesToComeToRest = 6;  // long enough for 1 mm/s to show
 constexpr double kEndTrim = 0.6;        // spans
 constexpr double kRoundness = 3e-4;
 constexpr double kFitGate = 0.1;  // radii: how near a reading must be to be fitted, beside its noise
-constexpr double kStale = 0.02;  // radii: so far a model may have moved from the one whose pixels were predicted
+constexpr double kStale = 0.02;   // radii: so far a model may have moved from the one whose pixels were predicted
 
 FitOptions fit_options(const TrackerConfig& config, const FollowedTube& tube, const Information* prior) {
   FitOptions options;
@@ -40,8 +40,8 @@ void predict(FollowedTube& tube, const HeightMap& map, const TrackerConfig& conf
   predict_pixels(map, config.noise, model, 1, tube.pixels);
 }
 
-/// What the frame says of a model whose pixels the tube has: those near it, which are fitted, and all about it, by which
-/// it is found again.
+/// What the frame says of a model whose pixels the tube has: those near it, which are fitted, and all about it, by
+/// which it is found again.
 struct View {
   ObservedEquations near, all;
 };
@@ -52,9 +52,9 @@ View view_of(const FollowedTube& tube, const HeightMap& map, const TrackerConfig
              double near_radii, double far_radii) {
   const double trim = std::min(kEndTrim, 0.1 * (tube.extent.t_end - tube.extent.t_begin));
   const Gates gates{near_radii * model.radius_m, far_radii * model.radius_m, 4.0};
-  Sighting sighting;
-  observe(map, config.noise, model.spline, tube.pixels, gates,
-          {tube.extent.t_begin + trim, tube.extent.t_end - trim}, sighting);
+  thread_local Sighting sighting;  // for its buffers
+  observe(map, config.noise, model.spline, tube.pixels, gates, {tube.extent.t_begin + trim, tube.extent.t_end - trim},
+          sighting);
   const bool free_radius = !fit_options(config, tube, nullptr).radius_m;
   View view{observed_equations(model, sighting.near, free_radius), {}};
   if (far_radii <= near_radii) return view;

@@ -100,7 +100,7 @@ std::optional<FoundTube> fit_seed(const HeightMap& map, const TrackerConfig& con
   options.radius_min_m = 0.5 * config.radius_min_m;
   options.radius_max_m = 1.5 * config.radius_max_m;
   const int stride = seed_stride(map, seed, model.radius_m);
-  Sighting sighting;
+  thread_local Sighting sighting;  // for its buffers
   constexpr std::array<double, 4> kGatesRadii{0.5, 0.3, 0.2, 0.15};
   for (const double gate_radii : kGatesRadii) {
     options.radius_m = gate_radii == kGatesRadii[0] ? model.radius_m : config.radius_m;
@@ -153,7 +153,7 @@ std::optional<FoundTube> grow_until_settled(const HeightMap& map, const TrackerC
   options.radius_min_m = 0.5 * config.radius_min_m;
   options.radius_max_m = 1.5 * config.radius_max_m;
   std::vector<Station> stations;
-  Sighting sighting;
+  thread_local Sighting sighting;  // for its buffers
   look(map, config, stride, rounds.max_gap_radii, found);
   double length_before_m = rounds.length_m;
   int swings = 0;

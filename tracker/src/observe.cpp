@@ -8,10 +8,11 @@ namespace tubetrack {
 namespace {
 
 /// Which pixels, and how many in each stretch.
-void choose(const HeightMap& map, const NoiseModel& noise, std::span<const PredictedPixel> pixels, const Gates& gates,
-            const Extent& extent, Sighting& sighting) {
+std::span<const Sighting::Chosen> choose(const HeightMap& map, const NoiseModel& noise,
+                                         std::span<const PredictedPixel> pixels, const Gates& gates,
+                                         const Extent& extent, Sighting& sighting) {
   const std::size_t stretches = sighting.near_next.size();
-  sighting.chosen.resize(pixels.size());
+  if (sighting.chosen.size() < pixels.size()) sighting.chosen.resize(pixels.size());
   Sighting::Chosen* chosen = sighting.chosen.data();
   const float margin_px = least_margin_px(noise);
   const ReadingRule rule = reading_rule(map, noise);
@@ -29,7 +30,7 @@ void choose(const HeightMap& map, const NoiseModel& noise, std::span<const Predi
     ++(is_near ? sighting.near_next : sighting.far_next)[k];
     *chosen++ = {static_cast<float>(depth_m), static_cast<std::uint32_t>(i), static_cast<std::uint32_t>(k), is_near};
   }
-  sighting.chosen.resize(static_cast<std::size_t>(chosen - sighting.chosen.data()));
+  return {sighting.chosen.data(), chosen};
 }
 
 }  // namespace
@@ -40,10 +41,10 @@ void observe(const HeightMap& map, const NoiseModel& noise, const Spline& spline
   const auto spans = static_cast<float>(spline.spans());
   sighting.near_next.assign(stretches, 0);
   sighting.far_next.assign(stretches, 0);
-  choose(map, noise, pixels, gates, extent, sighting);
+  const std::span<const Sighting::Chosen> chosen = choose(map, noise, pixels, gates, extent, sighting);
   make_room(spline, sighting.near_next, sighting.near);
   make_room(spline, sighting.far_next, sighting.far);
-  for (const Sighting::Chosen& one : sighting.chosen) {
+  for (const Sighting::Chosen& one : chosen) {
     const PredictedPixel& pixel = pixels[one.pixel];
     const Eigen::Vector3f direction(map.rays[pixel.cell].x(), map.rays[pixel.cell].y(), 1.0F);
     const std::size_t span = one.stretch / kStretchesPerSpan;

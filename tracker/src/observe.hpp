@@ -47,7 +47,7 @@ struct Sighting {
     std::uint32_t pixel = 0, stretch = 0;
     bool is_near = true;
   };
-  std::vector<Chosen> chosen;
+  std::vector<Chosen> chosen;  // the first so many
   std::vector<std::size_t> near_next, far_next;
 };
 

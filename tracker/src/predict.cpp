@@ -276,7 +276,7 @@ void predict_pixels(const HeightMap& map, const NoiseModel& noise, const TubeMod
     if (touched.begin >= touched.end) continue;
     judge_row(noise, in.fx_px, model.radius_m, touched.begin, touched.end, row);
     const std::size_t most = count + static_cast<std::size_t>(touched.end - touched.begin);
-    if (pixels.size() < most) pixels.resize(std::max(most, std::min(2 * pixels.size(), pixels.capacity())));
+    if (pixels.size() < most) pixels.resize(most);
     PredictedPixel* const end = take_pixels(row, touched, map.cell(0, v), stride, pixels.data() + count);
     count = static_cast<std::size_t>(end - pixels.data());
   }

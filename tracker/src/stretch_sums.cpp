@@ -62,8 +62,8 @@ HWY_INLINE V Slope(const SpanOfTube& span, std::size_t axis, V s) {
   return hn::Add(Number(span.c1[axis]), hn::Mul(s, inner));
 }
 
-/// `residual_on`, step by step, for as many observations as a vector holds, and what they add to the sums. Lengths along
-/// a ray are in lengths of its direction, σ too, which leaves every sum what it is.
+/// `residual_on`, step by step, for as many observations as a vector holds, and what they add to the sums. Lengths
+/// along a ray are in lengths of its direction, σ too, which leaves every sum what it is.
 HWY_INLINE void AddVector(const SpanOfTube& span, const ObservationBlock& block, std::size_t lane, PartialSums& sums) {
   const D d;
   const V one = Number(1.0F);
@@ -203,10 +203,16 @@ void make_room(const Spline& spline, std::vector<std::size_t>& count, SortedObse
     sorted.first[k] = blocks;
     sorted.count += count[k];
     blocks += (count[k] + kPartials - 1) / kPartials;
-    count[k] = sorted.first[k] * kPartials;
   }
   sorted.first.back() = blocks;
-  sorted.blocks.resize(blocks);
+  if (sorted.blocks.size() < blocks) sorted.blocks.resize(blocks);
+  const Eigen::Vector3f ahead = Eigen::Vector3f::UnitZ();
+  for (std::size_t k = 0; k < count.size(); ++k) {
+    const std::size_t begin = sorted.first[k] * kPartials;
+    for (std::size_t at = begin + count[k]; at < sorted.first[k + 1] * kPartials; ++at)
+      put(Eigen::Vector3f::Zero(), ahead, 0.0F, 0.0F, at, sorted);
+    count[k] = begin;
+  }
 }
 
 SortedObservations sort_by_stretch(std::span<const Observation> observations, const Spline& spline) {
