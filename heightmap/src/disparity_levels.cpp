@@ -1,3 +1,5 @@
+#include "tubetrack/sensors/disparity_levels.hpp"
+
 #include <cmath>
 
 #include "tubetrack/heightmap/height_map.hpp"
@@ -5,7 +7,8 @@
 namespace tubetrack {
 
 bool lies_at_disparity_levels(const DepthFrame& frame, const NoiseModel& noise) {
-  if (noise.disparity_step_px <= 0.0) return false;
+  const DisparityLevels levels = disparity_levels(noise, frame.metres_per_unit);
+  if (levels.per_level_m <= 0.0) return false;
   constexpr int kStep = 97;  // a prime, so that the sample doesn't follow columns
   int asked = 0;
   int at_level = 0;
@@ -14,10 +17,10 @@ bool lies_at_disparity_levels(const DepthFrame& frame, const NoiseModel& noise) 
     for (; next < frame.width; next += kStep) {
       const double z = frame.row(v)[next] * frame.metres_per_unit;
       // Between two levels there must be room for readings that lie at none.
-      const double spacing_m = z * z * noise.disparity_step_px / noise.baseline_focal_m_px;
+      const double spacing_m = z * z / levels.per_level_m;
       if (z <= 0.0 || spacing_m < 1.5 * frame.metres_per_unit) continue;
       ++asked;
-      at_level += std::abs(depth_of_level_m(noise, z, frame.metres_per_unit) - z) <= 0.501 * frame.metres_per_unit ? 1 : 0;
+      at_level += std::abs(depth_of_level_m(levels, z) - z) <= 0.501 * frame.metres_per_unit ? 1 : 0;
     }
     next -= frame.width;
   }

@@ -110,17 +110,4 @@ double depth_sigma_m(const NoiseModel& m, double depth_m, double incidence_rad, 
   return std::sqrt(axial * axial + lateral * lateral);
 }
 
-double depth_of_level_m(const NoiseModel& m, double depth_m, double unit_m) {
-  // What lies half way is written upward, like 562.5 mm; readings are floats.
-  const double lowest_m = depth_m - 0.501 * unit_m;
-  const double highest_m = depth_m + 0.499 * unit_m;
-  if (m.disparity_step_px <= 0.0 || lowest_m <= 0.0) return depth_m;
-  const double per_level = m.baseline_focal_m_px / m.disparity_step_px;
-  const double first = std::ceil(per_level / highest_m);
-  const double last = std::floor(per_level / lowest_m);
-  if (last < first || last < 1.0) return per_level / std::max(1.0, std::round(per_level / depth_m));
-  // Of several that are written alike each is as likely. Their mean: so few of them that it is that of the outer two.
-  return 0.5 * (per_level / std::max(1.0, first) + per_level / last);
-}
-
 }  // namespace tubetrack

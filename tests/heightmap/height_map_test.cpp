@@ -5,6 +5,8 @@
 #include <cmath>
 #include <random>
 
+#include "tubetrack/sensors/disparity_levels.hpp"
+
 namespace tubetrack {
 namespace {
 
@@ -40,7 +42,8 @@ std::vector<std::uint16_t> random_depths(bool at_levels, const NoiseModel& noise
   std::vector<std::uint16_t> pixels(640 * 480);
   for (std::uint16_t& pixel : pixels) {
     const double z = depth(random);
-    pixel = static_cast<std::uint16_t>(std::lround(1000.0 * (at_levels ? depth_of_level_m(noise, z, 0.001) : z)));
+    pixel = static_cast<std::uint16_t>(
+        std::lround(1000.0 * (at_levels ? depth_of_level_m(disparity_levels(noise, 0.001), z) : z)));
   }
   return pixels;
 }

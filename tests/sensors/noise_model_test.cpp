@@ -5,6 +5,8 @@
 #include <cmath>
 #include <numbers>
 
+#include "tubetrack/sensors/disparity_levels.hpp"
+
 namespace tubetrack {
 namespace {
 
@@ -100,13 +102,14 @@ TEST(NoiseModel, AReadingRoundedToMillimetresGoesBackToItsDisparityLevel) {
   const auto written = [](double depth_m) { return std::round(depth_m * 1000.0) / 1000.0; };
   // Up to here levels lie farther apart than millimetres.
   for (int level = 130; level < 584; ++level) {
-    EXPECT_NEAR(depth_of_level_m(model, of_level(level), 1e-6), of_level(level), 1e-12);
-    EXPECT_NEAR(depth_of_level_m(model, written(of_level(level)), 0.001), of_level(level), 1e-12) << level;
+    EXPECT_NEAR(depth_of_level_m(disparity_levels(model, 1e-6), of_level(level)), of_level(level), 1e-12);
+    EXPECT_NEAR(depth_of_level_m(disparity_levels(model, 0.001), written(of_level(level))), of_level(level), 1e-12)
+        << level;
   }
-  EXPECT_EQ(depth_of_level_m(model, 0.0, 0.001), 0.0);
+  EXPECT_EQ(depth_of_level_m(disparity_levels(model, 0.001), 0.0), 0.0);
   NoiseModel without = model;
   without.disparity_step_px = 0.0;
-  EXPECT_EQ(depth_of_level_m(without, 0.8123, 0.001), 0.8123);
+  EXPECT_EQ(depth_of_level_m(disparity_levels(without, 0.001), 0.8123), 0.8123);
 }
 
 TEST(NoiseModel, LevelsWrittenAlikeGiveTheirMean) {
@@ -123,7 +126,8 @@ TEST(NoiseModel, LevelsWrittenAlikeGiveTheirMean) {
     }
     if (count == 0) continue;
     several += count > 1 ? 1 : 0;
-    EXPECT_NEAR(depth_of_level_m(model, 0.001F * static_cast<float>(millimetre), 0.001), sum_m / count, 2e-6)
+    EXPECT_NEAR(depth_of_level_m(disparity_levels(model, 0.001), 0.001F * static_cast<float>(millimetre)),
+                sum_m / count, 2e-6)
         << millimetre << ", " << count << " levels";
   }
   EXPECT_GT(several, 130);

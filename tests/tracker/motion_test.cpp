@@ -20,7 +20,7 @@ constexpr double kRadius_m = 0.015;
 /// What the view of a straight tube says to a model that lies `off_m` beside it.
 struct View {
   TubeModel model;
-  NormalEquations equations;
+  ObservedEquations equations;
 };
 
 View view_from(const Vector3d& off_m, double radius_m = kRadius_m) {
@@ -29,13 +29,13 @@ View view_from(const Vector3d& off_m, double radius_m = kRadius_m) {
   noise.lateral_px = 0.0;
   View view{straight_model(kMiddle + off_m, kAxis, 0.1, radius_m), {}};
   const auto observations = select_observations(map, noise, predict_pixels(map, noise, view.model), 0.02, 4.0);
-  const auto sorted = sort_by_stretch(observations, view.model.spline.control_m.size() - 3);
-  view.equations = normal_equations(view.model, sorted, {});
+  const auto sorted = sort_by_stretch(observations, view.model.spline);
+  view.equations = observed_equations(view.model, sorted, true);
   return view;
 }
 
 MotionEstimate estimate(const View& view, double radius_information) {
-  return estimate_motion(view.model, view.equations.observed, view.equations.observed_right, radius_information);
+  return estimate_motion(view.model, view.equations.matrix, view.equations.right, radius_information);
 }
 
 TEST(Motion, AShiftAcrossTheTubeIsFoundToATenthOfIt) {
@@ -51,6 +51,15 @@ TEST(Motion, AShiftAcrossTheTubeIsFoundToATenthOfIt) {
   }
 }
 
+TEST(Motion, WhatIsObservedIsProjectedOntoMotionsAsByTheWholeJacobian) {
+  const View view = view_from(Vector3d(0.001, 0.0005, -0.001));
+  const Eigen::MatrixXd jacobian = by_motion(view.model);
+  const Eigen::MatrixXd matrix = jacobian.transpose() * view.equations.matrix * jacobian;
+  const Eigen::VectorXd vector = jacobian.transpose() * view.equations.right;
+  EXPECT_LT((onto_motion(view.model, view.equations.matrix) - matrix).norm(), 1e-12 * matrix.norm());
+  EXPECT_LT((onto_motion(view.model, view.equations.right) - vector).norm(), 1e-12 * vector.norm());
+}
+
 TEST(Motion, AlongAStraightTubeNothingMoves) {
   const MotionEstimate found = estimate(view_from(Vector3d::Zero()), 1e12);
   EXPECT_LT(found.twist.shift_m.norm(), 1e-6);
@@ -58,12 +67,12 @@ TEST(Motion, AlongAStraightTubeNothingMoves) {
 
 TEST(Motion, RestIsToldFromAFifthOfAMillimetre) {
   const View still = view_from(Vector3d::Zero());
-  EXPECT_LT(motion_chi2(still.model, estimate(still, 1e12), still.equations.observed), 0.01);
+  EXPECT_LT(motion_chi2(still.model, estimate(still, 1e12), still.equations.matrix), 0.01);
   const Vector3d side = kAxis.cross(kMiddle).normalized();
   const View moved = view_from(0.0002 * side);
-  EXPECT_GT(motion_chi2(moved.model, estimate(moved, 1e12), 30.0 * still.equations.observed), 1.0);
+  EXPECT_GT(motion_chi2(moved.model, estimate(moved, 1e12), 30.0 * still.equations.matrix), 1.0);
   const View far = view_from(0.001 * side);
-  EXPECT_GT(motion_chi2(far.model, estimate(far, 1e12), 30.0 * still.equations.observed), 30.0);
+  EXPECT_GT(motion_chi2(far.model, estimate(far, 1e12), 30.0 * still.equations.matrix), 30.0);
 }
 
 TEST(Motion, ATwistMovesAModelAboutItsMiddle) {

@@ -50,7 +50,7 @@ Scene random_scene(std::mt19937_64& random, int observations) {
 }
 
 std::vector<StretchSums> sums_of(const Scene& scene) {
-  return sum_stretches(scene.model, sort_by_stretch(scene.observations, scene.model.spline.control_m.size() - 3));
+  return sum_stretches(scene.model, sort_by_stretch(scene.observations, scene.model.spline));
 }
 
 struct Totals {

@@ -1,7 +1,6 @@
 #pragma once
 
 #include <Eigen/Core>
-#include <Eigen/SparseCholesky>
 
 namespace tubetrack {
 
@@ -14,14 +13,17 @@ class BandSolver {
 
   /// False where the matrix is not positive definite; then there is no solution.
   bool ok() const { return ok_; }
-  Eigen::VectorXd solve(const Eigen::VectorXd& right) const { return factor_.solve(right); }
+  Eigen::VectorXd solve(const Eigen::VectorXd& right) const;
   /// The inverse inside the band and in the last row and column, zero elsewhere (Takahashi's recurrence: an entry of
   /// the inverse where the factor has one depends on others of that kind alone).
   Eigen::MatrixXd inverse_in_band() const;
 
  private:
-  using Factor = Eigen::SimplicialLDLT<Eigen::SparseMatrix<double>, Eigen::Lower, Eigen::NaturalOrdering<int>>;
-  Factor factor_;
+  Eigen::Index first_in(Eigen::Index row) const;
+  Eigen::Index end_in(Eigen::Index col) const;
+
+  Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor> lower_;  // only the band and the last row
+  Eigen::VectorXd diagonal_;
   bool ok_ = false;
 };
 

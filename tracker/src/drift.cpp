@@ -46,9 +46,9 @@ double mean_age_s(const Drift& drift) {
 }
 
 void add_frame(Drift& drift, const Information& observed) {
-  const Eigen::MatrixXd jacobian = by_motion(drift.anchor);
-  drift.information += jacobian.transpose() * observed.matrix * jacobian;
-  drift.seen += jacobian.transpose() * (observed.vector - observed.matrix * parameters_of(drift.anchor));
+  const Eigen::VectorXd seen = observed.vector - observed.matrix * parameters_of(drift.anchor);
+  drift.information += onto_motion(drift.anchor, observed.matrix);
+  drift.seen += onto_motion(drift.anchor, seen);
 }
 
 void age(Drift& drift, double elapsed_s) {

@@ -2,8 +2,10 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "band_solver.hpp"
+#include "fit_steps.hpp"
 #include "normal_equations.hpp"
 
 namespace tubetrack {
@@ -22,45 +24,53 @@ Eigen::VectorXd parameters_of(const TubeModel& model) {
   return all;
 }
 
-std::optional<FitQuality> fit_tube(TubeModel& model, const std::vector<Observation>& observations,
-                                   const FitOptions& options) {
+std::optional<FitQuality> take_step(TubeModel& model, ObservedEquations observed, const FitOptions& options) {
   const bool free_radius = !options.radius_m;
-  if (options.radius_m) model.radius_m = *options.radius_m;
-  if (observations.size() < 20) return std::nullopt;
-  const SortedObservations sorted = sort_by_stretch(observations, model.spline.control_m.size() - 3);
+  if (observed.used < 20) return std::nullopt;
+  const NormalEquations eq = normal_equations(model, observed, options);
   FitQuality quality;
-  for (int step = 0; step < options.gauss_newton_steps; ++step) {
-    NormalEquations eq = normal_equations(model, sorted, options);
-    if (eq.used < 20) return std::nullopt;
-    const bool last_step = step + 1 == options.gauss_newton_steps;
-    if (last_step) {
-      quality.observed.vector = eq.observed * parameters_of(model) + eq.observed_right;
-      quality.observed.matrix = std::move(eq.observed);
-    }
-    const BandSolver solver(eq.matrix);
-    if (!solver.ok()) return std::nullopt;
-    const Eigen::VectorXd change = solver.solve(eq.right);
-    if (!change.allFinite()) return std::nullopt;
-    for (std::size_t k = 0; k < model.spline.control_m.size(); ++k) {
-      const Eigen::Vector3d move = change.segment<3>(static_cast<Eigen::Index>(3 * k));
-      model.spline.control_m[k] += move * std::min(1.0, model.radius_m / std::max(move.norm(), 1e-12));
-    }
-    if (free_radius) {
-      const double limit = 0.3 * model.radius_m;
-      model.radius_m += std::clamp(change[change.size() - 1], -limit, limit);
-      if (model.radius_m < options.radius_min_m || model.radius_m > options.radius_max_m) return std::nullopt;
-    }
-    quality.chi2_per_observation = eq.chi2 / eq.used;
-    if (last_step && options.want_covariance) {
-      quality.covariance = solver.inverse_in_band();
-      quality.covariance *= std::max(1.0, quality.chi2_per_observation);
-    }
+  quality.observed.vector = observed.matrix * parameters_of(model) + observed.right;
+  quality.observed.matrix = std::move(observed.matrix);
+  const BandSolver solver(eq.matrix);
+  if (!solver.ok()) return std::nullopt;
+  const Eigen::VectorXd change = solver.solve(eq.right);
+  if (!change.allFinite()) return std::nullopt;
+  for (std::size_t k = 0; k < model.spline.control_m.size(); ++k) {
+    const Eigen::Vector3d move = change.segment<3>(static_cast<Eigen::Index>(3 * k));
+    model.spline.control_m[k] += move * std::min(1.0, model.radius_m / std::max(move.norm(), 1e-12));
   }
-  if (free_radius && options.want_covariance) {
-    const Eigen::Index last = quality.covariance.rows() - 1;
-    quality.radius_sigma_m = std::sqrt(std::max(0.0, quality.covariance(last, last)));
+  if (free_radius) {
+    const double limit = 0.3 * model.radius_m;
+    model.radius_m += std::clamp(change[change.size() - 1], -limit, limit);
+    if (model.radius_m < options.radius_min_m || model.radius_m > options.radius_max_m) return std::nullopt;
+  }
+  quality.chi2_per_observation = observed.chi2 / observed.used;
+  if (!options.want_covariance) return quality;
+  quality.covariance = solver.inverse_in_band();
+  quality.covariance *= std::max(1.0, quality.chi2_per_observation);
+  const Eigen::Index last = quality.covariance.rows() - 1;
+  if (free_radius) quality.radius_sigma_m = std::sqrt(std::max(0.0, quality.covariance(last, last)));
+  return quality;
+}
+
+std::optional<FitQuality> fit_tube(TubeModel& model, const SortedObservations& observations,
+                                   const FitOptions& options) {
+  if (options.radius_m) model.radius_m = *options.radius_m;
+  if (observations.count < 20) return std::nullopt;
+  FitOptions before_last = options;
+  before_last.want_covariance = false;
+  std::optional<FitQuality> quality;
+  for (int step = 1; step <= options.gauss_newton_steps; ++step) {
+    quality = take_step(model, observed_equations(model, observations, !options.radius_m),
+                        step < options.gauss_newton_steps ? before_last : options);
+    if (!quality) break;
   }
   return quality;
+}
+
+std::optional<FitQuality> fit_tube(TubeModel& model, const std::vector<Observation>& observations,
+                                   const FitOptions& options) {
+  return fit_tube(model, sort_by_stretch(observations, model.spline), options);
 }
 
 }  // namespace tubetrack

@@ -6,8 +6,10 @@
 #include <utility>
 
 #include "confidence.hpp"
+#include "fit_steps.hpp"
 #include "followed_extent.hpp"
 #include "motion.hpp"
+#include "observe.hpp"
 #include "pool.hpp"
 
 namespace tubetrack {
@@ -18,7 +20,8 @@ constexpr double kRestChi2 = 30.0;      // 6 degrees of freedom: once in 25,000 
 constexpr int kFramesToComeToRest = 6;  // long enough for 1 mm/s to show
 constexpr double kEndTrim = 0.6;        // spans
 constexpr double kRoundness = 3e-4;
-constexpr double kStale = 0.02;  // radii: so far a model may have moved from the one whose pixels were predicted
+constexpr double kFitGate = 0.1;  // radii: how near a reading must be to be fitted, beside its noise
+constexpr double kStale = 0.02;   // radii: so far a model may have moved from the one whose pixels were predicted
 
 FitOptions fit_options(const TrackerConfig& config, const FollowedTube& tube, const Information* prior) {
   FitOptions options;
@@ -37,32 +40,53 @@ void predict(FollowedTube& tube, const HeightMap& map, const TrackerConfig& conf
   predict_pixels(map, config.noise, model, 1, tube.pixels);
 }
 
-/// Observations of the stretch that is known, short of its ends: what lies there may be the end's own face, or what it
-/// touches. A short piece gives up a tenth at either end.
-std::vector<Observation> observe(const FollowedTube& tube, const HeightMap& map, const TrackerConfig& config,
-                                 double gate_m) {
+/// What the frame says of a model whose pixels the tube has: those near it, which are fitted, and all about it, by
+/// which it is found again.
+struct View {
+  ObservedEquations near, all;
+};
+
+/// Of the stretch that is known, short of its ends: what lies there may be the end's own face, or what it touches. A
+/// short piece gives up a tenth at either end.
+View view_of(const FollowedTube& tube, const HeightMap& map, const TrackerConfig& config, const TubeModel& model,
+             double near_radii, double far_radii) {
   const double trim = std::min(kEndTrim, 0.1 * (tube.extent.t_end - tube.extent.t_begin));
-  return select_observations(map, config.noise, tube.pixels, gate_m, 4.0,
-                             {tube.extent.t_begin + trim, tube.extent.t_end - trim});
+  const Gates gates{near_radii * model.radius_m, far_radii * model.radius_m, 4.0};
+  thread_local Sighting sighting;  // for its buffers
+  observe(map, config.noise, model.spline, tube.pixels, gates, {tube.extent.t_begin + trim, tube.extent.t_end - trim},
+          sighting);
+  const bool free_radius = !fit_options(config, tube, nullptr).radius_m;
+  View view{observed_equations(model, sighting.near, free_radius), {}};
+  if (far_radii <= near_radii) return view;
+  view.all = observed_equations(model, sighting.far, free_radius);
+  view.all += view.near;
+  return view;
 }
 
-/// The motion from where a model is to where the observations are; empty where they are too few to tell. Here and in
-/// `fit_once` the tube's pixels are the model's.
-std::optional<MotionEstimate> place(const FollowedTube& tube, const HeightMap& map, const TrackerConfig& config,
-                                    const TubeModel& model, double gate_radii) {
-  const auto observations = observe(tube, map, config, gate_radii * model.radius_m);
-  const auto sorted = sort_by_stretch(observations, model.spline.control_m.size() - 3);
-  const NormalEquations eq = normal_equations(model, sorted, fit_options(config, tube, nullptr));
-  if (eq.used < 20) return std::nullopt;
-  return estimate_motion(model, eq.observed, eq.observed_right, tube.radius_information);
+/// The motion from where a model is to where the frame sees it; empty where it sees too little to tell.
+std::optional<MotionEstimate> motion_seen(const FollowedTube& tube, const TubeModel& model, const View& view) {
+  if (view.all.used < 20) return std::nullopt;
+  return estimate_motion(model, view.all.matrix, view.all.right, tube.radius_information);
+}
+
+/// How far a step took what is in sight.
+double moved_m(const TubeModel& from, const TubeModel& to, const Extent& extent) {
+  constexpr double kSteps = 16;
+  double farthest = std::abs(to.radius_m - from.radius_m);
+  for (double i = 0; i <= kSteps; ++i) {
+    const double t = extent.t_begin + (extent.t_end - extent.t_begin) * i / kSteps;
+    farthest = std::max(farthest, (point_at(to.spline, t) - point_at(from.spline, t)).norm());
+  }
+  return farthest;
 }
 
 /// Goes over from rest to motion and back. `model` starts where the tube is expected and ends where the frame sees it,
-/// with its pixels predicted.
+/// or so near that one step of the fit goes there, with its pixels predicted and what the frame says of it in `view`.
 bool judge_motion(FollowedTube& tube, const HeightMap& map, const TrackerConfig& config, TubeModel& model,
-                  double elapsed_s) {
+                  double elapsed_s, View& view) {
   predict(tube, map, config, model);
-  const auto first = place(tube, map, config, model, 0.5);
+  view = view_of(tube, map, config, model, kFitGate, 0.5);
+  const auto first = motion_seen(tube, model, view);
   if (!first) return false;
   if (tube.at_rest) {
     if (motion_chi2(model, *first, tube.pooled.matrix) < kRestChi2) return true;
@@ -72,14 +96,19 @@ bool judge_motion(FollowedTube& tube, const HeightMap& map, const TrackerConfig&
   }
   move(model, first->twist);
   predict(tube, map, config, model);
-  const auto second = place(tube, map, config, model, 0.25);
+  view = view_of(tube, map, config, model, kFitGate, 0.25);
+  const auto second = motion_seen(tube, model, view);
   if (!second) return false;
-  move(model, second->twist);
-  predict(tube, map, config, model);
   if (elapsed_s > 0.0) {
     tube.velocity.shift_m_s += 0.6 * (first->twist.shift_m + second->twist.shift_m) / elapsed_s;
     tube.velocity.turn_rad_s += 0.6 * (first->twist.turn_rad + second->twist.turn_rad) / elapsed_s;
   }
+  TubeModel moved = model;
+  move(moved, second->twist);
+  if (moved_m(model, moved, tube.extent) <= kStale * model.radius_m) return true;
+  model = std::move(moved);
+  predict(tube, map, config, model);
+  view = view_of(tube, map, config, model, kFitGate, kFitGate);
   return true;
 }
 
@@ -89,7 +118,7 @@ void judge_rest(FollowedTube& tube, const HeightMap& map, const TrackerConfig& c
   tube.frames_pooled = 0;
   auto pixels = std::exchange(tube.pixels, {});
   predict(tube, map, config, tube.anchor);
-  const auto back = place(tube, map, config, tube.anchor, 0.5);
+  const auto back = motion_seen(tube, tube.anchor, view_of(tube, map, config, tube.anchor, kFitGate, 0.5));
   tube.pixels = std::move(pixels);
   if (back && motion_chi2(tube.anchor, *back, tube.quality.observed.matrix) < kRestChi2) {
     start_pool(tube);
@@ -100,13 +129,11 @@ void judge_rest(FollowedTube& tube, const HeightMap& map, const TrackerConfig& c
 }
 
 /// One step from a model that is near.
-bool fit_once(FollowedTube& tube, const HeightMap& map, const TrackerConfig& config, TubeModel& model,
-              const Information& prior, double gate_radii, bool want_covariance) {
-  const auto observations = observe(tube, map, config, gate_radii * model.radius_m);
+bool fit_once(FollowedTube& tube, const TrackerConfig& config, TubeModel& model, View view, const Information& prior,
+              bool want_covariance) {
   FitOptions options = fit_options(config, tube, &prior);
-  options.gauss_newton_steps = 1;
   options.want_covariance = want_covariance;
-  auto quality = fit_tube(model, observations, options);
+  auto quality = take_step(model, std::move(view.near), options);
   if (!quality) return false;
   const double radius_sigma_m = tube.quality.radius_sigma_m;
   tube.quality = std::move(*quality);
@@ -126,22 +153,12 @@ void take_model(FollowedTube& tube, TubeModel model, const TrackerConfig& config
 bool fit_to_frame(FollowedTube& tube, const HeightMap& map, const TrackerConfig& config, TubeModel model) {
   const Information nothing = no_information(model);
   predict(tube, map, config, model);
-  if (!fit_once(tube, map, config, model, nothing, 0.2, false)) return false;
+  if (!fit_once(tube, config, model, view_of(tube, map, config, model, 0.2, 0.2), nothing, false)) return false;
   predict(tube, map, config, model);
-  if (!fit_once(tube, map, config, model, nothing, 0.1, true)) return false;
+  if (!fit_once(tube, config, model, view_of(tube, map, config, model, kFitGate, kFitGate), nothing, true))
+    return false;
   take_model(tube, std::move(model), config);
   return true;
-}
-
-/// How far a step took what is in sight.
-double moved_m(const TubeModel& from, const TubeModel& to, const Extent& extent) {
-  constexpr double kSteps = 16;
-  double farthest = std::abs(to.radius_m - from.radius_m);
-  for (double i = 0; i <= kSteps; ++i) {
-    const double t = extent.t_begin + (extent.t_end - extent.t_begin) * i / kSteps;
-    farthest = std::max(farthest, (point_at(to.spline, t) - point_at(from.spline, t)).norm());
-  }
-  return farthest;
 }
 
 /// What the tube's pixels, which are predicted, say of its stations, extent, support and state.
@@ -165,11 +182,12 @@ void look(FollowedTube& tube, const HeightMap& map) {
   tube.state = enough ? TubeState::tracked : 2 * unknown > all && all > 0 ? TubeState::occluded : TubeState::lost;
 }
 
-/// Goes on along what the image confirms until there is no more, or none without a bend that no tube has.
-void lengthen(FollowedTube& tube, const HeightMap& map, const TrackerConfig& config) {
+/// Goes on along what the image confirms until so many rounds brought nothing more, or none without a bend that no tube
+/// has.
+void lengthen(FollowedTube& tube, const HeightMap& map, const TrackerConfig& config, int patience) {
   constexpr int kMaxRounds = 40;
   int stalled = 0;
-  for (int round = 0; round < kMaxRounds && stalled < 3; ++round) {
+  for (int round = 0; round < kMaxRounds && stalled < patience; ++round) {
     FollowedTube longer = tube;
     fit_spline_to_extent(longer);
     if (!fit_to_frame(longer, map, config, longer.model)) return;
@@ -207,14 +225,19 @@ void pool_first_frame(FollowedTube& tube) {
   add_to_pool(tube);
 }
 
-/// A copy but for pixels and stations, which are large.
-FollowedTube without_sight(FollowedTube& tube) {
+/// The tube as it is before a frame, but for what that replaces or leaves alone in any case, which is large.
+FollowedTube set_aside(FollowedTube& tube) {
   auto pixels = std::move(tube.pixels);
   auto stations = std::move(tube.stations);
-  FollowedTube copy = tube;
+  auto pooled = std::move(tube.pooled);
+  auto quality = std::exchange(tube.quality, {});
+  tube.quality.radius_sigma_m = quality.radius_sigma_m;
+  FollowedTube before = tube;
+  before.quality = std::move(quality);
   tube.pixels = std::move(pixels);
   tube.stations = std::move(stations);
-  return copy;
+  tube.pooled = std::move(pooled);
+  return before;
 }
 
 /// Not seen where it is expected: it stays as it was before this frame, but there.
@@ -223,6 +246,7 @@ void keep_expected(FollowedTube& tube, FollowedTube before, TubeModel expected) 
   before.state = tube.state;
   before.pixels = std::move(tube.pixels);
   before.stations = std::move(tube.stations);
+  before.pooled = std::move(tube.pooled);
   tube = std::move(before);
 }
 
@@ -242,7 +266,7 @@ FollowedTube start_following(FoundTube found, const HeightMap& map, const Tracke
   tube.stations = stations_of(map, tube.model, tube.pixels, station_length_m(map, tube.model));
   // A little more at an end may be the foot of a can or the table that it stands on; much more is tube.
   FollowedTube longer = tube;
-  lengthen(longer, map, config);
+  lengthen(longer, map, config, found.joined ? 3 : 1);
   if (found.joined || length_m(longer) - length_m(tube) > 2.0 * tube.model.radius_m) tube = std::move(longer);
   tube.last_seen_s = timestamp_s;
   pool_first_frame(tube);
@@ -269,12 +293,13 @@ void follow_tube(FollowedTube& tube, const HeightMap& map, const TrackerConfig& 
   if (tube.at_rest) creep_on(tube, elapsed_s);
   TubeModel expected = tube.model;
   if (!tube.at_rest) move(expected, during(tube.velocity, elapsed_s));
-  FollowedTube before = without_sight(tube);
+  FollowedTube before = set_aside(tube);
   TubeModel model = expected;
-  bool fitted = judge_motion(tube, map, config, model, elapsed_s);
+  View view;
+  bool fitted = judge_motion(tube, map, config, model, elapsed_s, view);
   if (fitted) {
     const TubeModel predicted = model;
-    fitted = fit_once(tube, map, config, model, tube.at_rest ? tube.pooled : radius_only(tube), 0.1, true);
+    fitted = fit_once(tube, config, model, std::move(view), tube.at_rest ? tube.pooled : radius_only(tube), true);
     if (fitted) take_model(tube, std::move(model), config);
     if (fitted && moved_m(predicted, tube.model, tube.extent) > kStale * tube.model.radius_m)
       predict(tube, map, config, tube.model);

@@ -5,6 +5,8 @@
 #include <array>
 #include <cmath>
 
+#include "fit_steps.hpp"
+#include "observe.hpp"
 #include "shape_sums.hpp"
 #include "why_no_tube.hpp"
 
@@ -98,14 +100,16 @@ std::optional<FoundTube> fit_seed(const HeightMap& map, const TrackerConfig& con
   options.radius_min_m = 0.5 * config.radius_min_m;
   options.radius_max_m = 1.5 * config.radius_max_m;
   const int stride = seed_stride(map, seed, model.radius_m);
+  thread_local Sighting sighting;  // for its buffers
   constexpr std::array<double, 4> kGatesRadii{0.5, 0.3, 0.2, 0.15};
   for (const double gate_radii : kGatesRadii) {
     options.radius_m = gate_radii == kGatesRadii[0] ? model.radius_m : config.radius_m;
     predict_pixels(map, config.noise, model, stride, found.pixels);
     if (gate_radii == kGatesRadii[1] && !config.radius_m && is_flat(map, model, found.pixels)) return std::nullopt;
-    const auto observations = select_observations(map, config.noise, found.pixels, gate_radii * model.radius_m, 3.0);
+    const double gate_m = gate_radii * model.radius_m;
+    observe(map, config.noise, model.spline, found.pixels, {gate_m, gate_m, 3.0}, kWholeTube, sighting);
     options.want_covariance = false;
-    if (!fit_tube(model, observations, options)) return std::nullopt;
+    if (!fit_tube(model, sighting.near, options)) return std::nullopt;
   }
   found.extent = {0.0, model.spline.spans()};
   predict_pixels(map, config.noise, model, stride, found.pixels);
@@ -149,18 +153,19 @@ std::optional<FoundTube> grow_until_settled(const HeightMap& map, const TrackerC
   options.radius_min_m = 0.5 * config.radius_min_m;
   options.radius_max_m = 1.5 * config.radius_max_m;
   std::vector<Station> stations;
+  thread_local Sighting sighting;  // for its buffers
   look(map, config, stride, rounds.max_gap_radii, found);
   double length_before_m = rounds.length_m;
   int swings = 0;
   for (int round = 0; round < rounds.at_most; ++round) {
     if (found.extent.t_end <= found.extent.t_begin) return std::nullopt;
     const double gate_m = (round == 0 ? 0.2 : 0.1) * found.model.radius_m;
-    const auto observations = select_observations(map, config.noise, found.pixels, gate_m, 4.0, found.extent);
+    observe(map, config.noise, found.model.spline, found.pixels, {gate_m, gate_m, 4.0}, found.extent, sighting);
     // A short piece can't tell a bend from what lies beside it.
     const double confirmed_m = length_of(found);
     options.suppleness = confirmed_m < 4.0 * found.model.radius_m ? 0.05 : rounds.suppleness;
     options.want_covariance = stride == 1;
-    auto quality = fit_tube(found.model, observations, options);
+    auto quality = fit_tube(found.model, sighting.near, options);
     if (!quality) return std::nullopt;
     found.quality = std::move(*quality);
     stations = look(map, config, stride, rounds.max_gap_radii, found);

@@ -2,6 +2,7 @@
 
 #include <Eigen/Cholesky>
 #include <Eigen/Geometry>
+#include <algorithm>
 
 namespace tubetrack {
 
@@ -37,6 +38,48 @@ Eigen::MatrixXd by_motion(const TubeModel& model) {
   return jacobian;
 }
 
+Matrix7 onto_motion(const TubeModel& model, const Eigen::MatrixXd& matrix) {
+  const auto& q = model.spline.control_m;
+  const auto count = static_cast<Eigen::Index>(q.size());
+  const Eigen::Vector3d middle = middle_of(model);
+  const Eigen::Index last = 3 * count;
+  Matrix7 motion = Matrix7::Zero();
+  for (Eigen::Index j = 0; j < count; ++j) {
+    // Turned about the middle, control point j shifts by −arm · turn.
+    const Eigen::Matrix3d arm = cross_matrix(q[static_cast<std::size_t>(j)] - middle);
+    Eigen::Matrix3d shift = Eigen::Matrix3d::Zero();
+    Eigen::Matrix3d turn = Eigen::Matrix3d::Zero();
+    for (Eigen::Index i = std::max<Eigen::Index>(0, j - 3); i <= std::min(count - 1, j + 3); ++i) {
+      const Eigen::Matrix3d block = matrix.block<3, 3>(3 * i, 3 * j);
+      shift += block;
+      turn += cross_matrix(q[static_cast<std::size_t>(i)] - middle) * block;
+    }
+    motion.block<3, 3>(0, 0) += shift;
+    motion.block<3, 3>(3, 0) += turn;
+    motion.block<3, 3>(0, 3) -= shift * arm;
+    motion.block<3, 3>(3, 3) -= turn * arm;
+    const Eigen::Vector3d by_radius = matrix.block<3, 1>(3 * j, last);
+    motion.block<3, 1>(0, 6) += by_radius;
+    motion.block<3, 1>(3, 6) += arm * by_radius;
+  }
+  motion.block<1, 6>(6, 0) = motion.block<6, 1>(0, 6).transpose();
+  motion(6, 6) = matrix(last, last);
+  return motion;
+}
+
+Eigen::Matrix<double, 7, 1> onto_motion(const TubeModel& model, const Eigen::VectorXd& vector) {
+  const auto& q = model.spline.control_m;
+  const Eigen::Vector3d middle = middle_of(model);
+  Eigen::Matrix<double, 7, 1> motion = Eigen::Matrix<double, 7, 1>::Zero();
+  for (std::size_t k = 0; k < q.size(); ++k) {
+    const Eigen::Vector3d part = vector.segment<3>(static_cast<Eigen::Index>(3 * k));
+    motion.head<3>() += part;
+    motion.segment<3>(3) += (q[k] - middle).cross(part);
+  }
+  motion[6] = vector[vector.size() - 1];
+  return motion;
+}
+
 Matrix7 weak_prior(const TubeModel& model) {
   Matrix7 prior = Matrix7::Zero();
   const double shift = 1.0 / (4.0 * model.radius_m * model.radius_m);
@@ -56,11 +99,9 @@ void move(TubeModel& model, const Twist& twist) {
 
 MotionEstimate estimate_motion(const TubeModel& model, const Eigen::MatrixXd& observed,
                                const Eigen::VectorXd& observed_right, double radius_information) {
-  const Eigen::MatrixXd jacobian = by_motion(model);
-  Matrix7 information = jacobian.transpose() * observed * jacobian;
-  information += weak_prior(model);
+  Matrix7 information = onto_motion(model, observed) + weak_prior(model);
   information(6, 6) += radius_information;
-  const Eigen::Matrix<double, 7, 1> change = information.ldlt().solve(jacobian.transpose() * observed_right);
+  const Eigen::Matrix<double, 7, 1> change = information.ldlt().solve(onto_motion(model, observed_right));
   MotionEstimate estimate;
   estimate.twist = {change.segment<3>(0), change.segment<3>(3)};
   estimate.information = information.topLeftCorner<6, 6>() -
@@ -69,9 +110,7 @@ MotionEstimate estimate_motion(const TubeModel& model, const Eigen::MatrixXd& ob
 }
 
 double motion_chi2(const TubeModel& model, const MotionEstimate& estimate, const Eigen::MatrixXd& known) {
-  const Eigen::MatrixXd jacobian = by_motion(model);
-  Matrix7 before = jacobian.transpose() * known * jacobian;
-  before += weak_prior(model);
+  const Matrix7 before = onto_motion(model, known) + weak_prior(model);
   const Matrix6 covariance = estimate.information.inverse() + before.inverse().topLeftCorner<6, 6>();
   Eigen::Matrix<double, 6, 1> twist;
   twist << estimate.twist.shift_m, estimate.twist.turn_rad;

@@ -28,6 +28,11 @@ Eigen::Matrix3d cross_matrix(const Eigen::Vector3d& v);
 /// Change of all parameters (in Information's order) by a twist and the radius: 7 columns.
 Eigen::MatrixXd by_motion(const TubeModel& model);
 
+/// What Information's matrix or vector says of a motion and the radius: by_motionᵀ · matrix · by_motion, and by_motionᵀ
+/// · vector. Of the matrix only control points at most three apart, and the radius, are looked at.
+Eigen::Matrix<double, 7, 7> onto_motion(const TubeModel& model, const Eigen::MatrixXd& matrix);
+Eigen::Matrix<double, 7, 1> onto_motion(const TubeModel& model, const Eigen::VectorXd& vector);
+
 /// What a tube can't have moved by from one frame to the next, so that unseen motions don't run away.
 Eigen::Matrix<double, 7, 7> weak_prior(const TubeModel& model);
 

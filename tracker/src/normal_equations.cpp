@@ -26,33 +26,6 @@ double mean_spacing_m(const Spline& spline) {
   return sum / static_cast<double>(q.size() - 1);
 }
 
-void add_observations(const TubeModel& model, const SortedObservations& observations, bool free_radius,
-                      NormalEquations& eq) {
-  const Eigen::Index radius_at = eq.matrix.rows() - 1;
-  const std::vector<StretchSums> stretches = sum_stretches(model, observations);
-  for (std::size_t k = 0; k < stretches.size(); ++k) {
-    const StretchSums& s = stretches[k];
-    if (s.used == 0) continue;
-    eq.used += s.used;
-    eq.chi2 += s.chi2;
-    // All share the spline's weights at the stretch's middle: that changes which mean of them is taken, not what it is
-    // a mean of.
-    const SplineBasis basis = basis_at(model.spline, (static_cast<double>(k) + 0.5) / kStretchesPerSpan);
-    for (std::size_t i = 0; i < 4; ++i) {
-      const auto row = static_cast<Eigen::Index>(3 * (basis.first + i));
-      for (std::size_t j = 0; j < 4; ++j) {
-        const auto col = static_cast<Eigen::Index>(3 * (basis.first + j));
-        eq.matrix.block<3, 3>(row, col) += basis.value[i] * basis.value[j] * s.point_point;
-      }
-      eq.right.segment<3>(row) += basis.value[i] * s.point_residual;
-      if (free_radius) eq.matrix.block<3, 1>(row, radius_at) += basis.value[i] * s.point_radius;
-    }
-    if (!free_radius) continue;
-    eq.matrix(radius_at, radius_at) += s.radius_radius;
-    eq.right[radius_at] += s.radius_residual;
-  }
-}
-
 /// Adds the prior that a combination of neighbouring control points, `first` on, is zero: `weight` is the inverse of
 /// its covariance.
 template <std::size_t N>
@@ -159,15 +132,48 @@ ResidualTerm residual_on(const std::vector<SpanPolynomial>& curve, double radius
   return term;
 }
 
-NormalEquations normal_equations(const TubeModel& model, const SortedObservations& observations,
-                                 const FitOptions& options) {
-  const bool free_radius = !options.radius_m;
+ObservedEquations& ObservedEquations::operator+=(const ObservedEquations& other) {
+  matrix += other.matrix;
+  right += other.right;
+  chi2 += other.chi2;
+  used += other.used;
+  return *this;
+}
+
+ObservedEquations observed_equations(const TubeModel& model, const SortedObservations& observations, bool free_radius) {
   const auto size = static_cast<Eigen::Index>(3 * model.spline.control_m.size() + 1);
-  NormalEquations eq{Eigen::MatrixXd::Zero(size, size), Eigen::VectorXd::Zero(size), {}, {}};
-  add_observations(model, observations, free_radius, eq);
-  eq.matrix.row(size - 1).head(size - 1) = eq.matrix.col(size - 1).head(size - 1).transpose();
-  eq.observed = eq.matrix;
-  eq.observed_right = eq.right;
+  const Eigen::Index radius_at = size - 1;
+  ObservedEquations eq{Eigen::MatrixXd::Zero(size, size), Eigen::VectorXd::Zero(size)};
+  const std::vector<StretchSums> stretches = sum_stretches(model, observations);
+  for (std::size_t k = 0; k < stretches.size(); ++k) {
+    const StretchSums& s = stretches[k];
+    if (s.used == 0) continue;
+    eq.used += s.used;
+    eq.chi2 += s.chi2;
+    // All share the spline's weights at the stretch's middle: that changes which mean of them is taken, not what it is
+    // a mean of.
+    const SplineBasis basis = basis_at(model.spline, (static_cast<double>(k) + 0.5) / kStretchesPerSpan);
+    for (std::size_t i = 0; i < 4; ++i) {
+      const auto row = static_cast<Eigen::Index>(3 * (basis.first + i));
+      for (std::size_t j = 0; j < 4; ++j) {
+        const auto col = static_cast<Eigen::Index>(3 * (basis.first + j));
+        eq.matrix.block<3, 3>(row, col) += basis.value[i] * basis.value[j] * s.point_point;
+      }
+      eq.right.segment<3>(row) += basis.value[i] * s.point_residual;
+      if (free_radius) eq.matrix.block<3, 1>(row, radius_at) += basis.value[i] * s.point_radius;
+    }
+    if (!free_radius) continue;
+    eq.matrix(radius_at, radius_at) += s.radius_radius;
+    eq.right[radius_at] += s.radius_residual;
+  }
+  eq.matrix.row(radius_at).head(radius_at) = eq.matrix.col(radius_at).head(radius_at).transpose();
+  return eq;
+}
+
+NormalEquations normal_equations(const TubeModel& model, const ObservedEquations& observed, const FitOptions& options) {
+  const bool free_radius = !options.radius_m;
+  const Eigen::Index size = observed.right.size();
+  NormalEquations eq{observed.matrix, observed.right};
   if (options.prior) {
     eq.matrix += options.prior->matrix;
     eq.right += options.prior->vector - options.prior->matrix * parameters_of(model);

@@ -18,6 +18,19 @@ void carry_pool(FollowedTube& tube, const Twist& by) {
   tube.pooled.vector += tube.pooled.matrix * (by_motion(tube.model) * change);
 }
 
+/// Adds to a covariance of control points and radius that of a motion of them all; of control points at most three
+/// apart, as FitQuality has it.
+void add_motion(const TubeModel& model, const Eigen::Matrix<double, 6, 6>& motion, Eigen::MatrixXd& covariance) {
+  const Eigen::MatrixXd jacobian = by_motion(model);
+  const Eigen::Index last = covariance.rows() - 1;
+  for (Eigen::Index row = 0; row < last; row += 3) {
+    const Eigen::Matrix<double, 3, 6> by_row = jacobian.block<3, 6>(row, 0) * motion;
+    for (Eigen::Index col = std::max<Eigen::Index>(0, row - 9); col < std::min(last, row + 12); col += 3) {
+      covariance.block<3, 3>(row, col) += by_row * jacobian.block<3, 6>(col, 0).transpose();
+    }
+  }
+}
+
 }  // namespace
 
 Information no_information(const TubeModel& model) {
@@ -71,8 +84,7 @@ void judge_creep(FollowedTube& tube) {
   const Twist by = during(found.change, mean_age_s(tube.drift));
   carry_pool(tube, by);
   move(tube.model, by);
-  const Eigen::MatrixXd jacobian = by_motion(tube.model).leftCols<6>();
-  tube.quality.covariance += jacobian * found.added_covariance * jacobian.transpose();
+  add_motion(tube.model, found.added_covariance, tube.quality.covariance);
 }
 
 void transform(FollowedTube& tube, const Eigen::Isometry3d& new_from_old) {

@@ -6,7 +6,9 @@
 #include <cmath>
 #include <limits>
 #include <optional>
+#include <tuple>
 
+#include "observe.hpp"
 #include "predict_row.hpp"
 
 namespace tubetrack {
@@ -92,16 +94,42 @@ struct Range {
 
 /// The pixels of a row or column between two borders.
 Range between(double low, double high, int size) {
-  return {static_cast<int>(std::clamp(std::ceil(low), 0.0, 1.0 * size)),
-          static_cast<int>(std::clamp(std::floor(high) + 1.0, 0.0, 1.0 * size))};
+  const double from = std::clamp(low, 0.0, 1.0 * size);
+  const auto whole = static_cast<int>(from);
+  return {from > whole ? whole + 1 : whole, static_cast<int>(std::clamp(high + 1.0, 0.0, 1.0 * size))};
 }
 
-/// A piece with the rows of the image in which it may be seen.
+/// A side of an outline: where it is in each row from `top` to `bottom`.
+struct Edge {
+  double top = 0.0, bottom = -1.0;  ///< rows; below 0 long where it lies along a row: its ends are those of others
+  double u_top = 0.0, u_per_row = 0.0;
+};
+
+/// A piece with its outline.
 struct Outlined {
   RowPiece piece;
-  Quad quad;
-  Range rows;
+  std::array<Edge, 4> edges;
 };
+
+/// Those of a tube, and of each the rows of the image in which it may be seen: every row asks all of them for that.
+struct OutlinedTube {
+  std::vector<Outlined> pieces;
+  std::vector<Range> rows;
+  Range all_rows;
+  double pixels = 0.0;  ///< about so many are inside the outlines, which overlap
+};
+
+std::array<Edge, 4> edges_of(const Quad& quad) {
+  std::array<Edge, 4> edges;
+  for (std::size_t i = 0; i < 4; ++i) {
+    const Eigen::Vector2d& a = quad[i];
+    const Eigen::Vector2d& b = quad[(i + 1) % 4];
+    const auto& [upper, lower] = a.y() < b.y() ? std::tie(a, b) : std::tie(b, a);
+    const double rows = lower.y() - upper.y();
+    if (rows > 0.0) edges[i] = {upper.y(), lower.y(), upper.x(), (lower.x() - upper.x()) / rows};
+  }
+  return edges;
+}
 
 RowPiece row_piece(const Piece& piece) {
   const Eigen::Vector3d middle_m = 0.5 * (piece.start_m + piece.end_m);
@@ -121,59 +149,76 @@ RowPiece row_piece(const Piece& piece) {
   return row;
 }
 
-std::vector<Outlined> outline_all(const Intrinsics& in, const TubeModel& model) {
-  std::vector<Outlined> all;
+double area_px(const Quad& quad) {
+  const auto cross = [](const Eigen::Vector2d& a, const Eigen::Vector2d& b) { return a.x() * b.y() - a.y() * b.x(); };
+  return 0.5 * std::abs(cross(quad[2] - quad[0], quad[3] - quad[1]));
+}
+
+OutlinedTube outline_all(const Intrinsics& in, const TubeModel& model) {
+  OutlinedTube all;
+  all.all_rows = {in.height, 0};
   for (const Piece& piece : cut_into_pieces(model)) {
     const std::optional<Quad> quad = outline_of(in, piece, model.radius_m);
     if (!quad) continue;
     const auto [top, bottom] = std::minmax({(*quad)[0].y(), (*quad)[1].y(), (*quad)[2].y(), (*quad)[3].y()});
-    all.push_back({row_piece(piece), *quad, between(top, bottom, in.height)});
+    const Range rows = between(top, bottom, in.height);
+    all.pieces.push_back({row_piece(piece), edges_of(*quad)});
+    all.rows.push_back(rows);
+    all.all_rows = {std::min(all.all_rows.begin, rows.begin), std::max(all.all_rows.end, rows.end)};
+    all.pixels += std::min(area_px(*quad), 1.0 * in.width * (rows.end - rows.begin));
   }
   return all;
 }
 
 /// Where a row passes through an outline.
-Range columns_in(const Quad& quad, int v, int width) {
+Range columns_in(const std::array<Edge, 4>& edges, int v, int width) {
   double left = 1e9, right = -1e9;
-  for (std::size_t i = 0; i < 4; ++i) {
-    const Eigen::Vector2d& a = quad[i];
-    const Eigen::Vector2d& b = quad[(i + 1) % 4];
-    if (std::min(a.y(), b.y()) > v || std::max(a.y(), b.y()) < v) continue;
-    const double s = a.y() == b.y() ? 0.0 : (v - a.y()) / (b.y() - a.y());
-    const double u = a.x() + s * (b.x() - a.x());
-    left = std::min({left, u, a.y() == b.y() ? b.x() : u});
-    right = std::max({right, u, a.y() == b.y() ? b.x() : u});
+  for (const Edge& edge : edges) {
+    if (edge.top > v || edge.bottom < v) continue;
+    const double u = edge.u_top + (v - edge.top) * edge.u_per_row;
+    left = std::min(left, u);
+    right = std::max(right, u);
   }
   return between(left, right, width);
 }
 
 /// The first multiple of the stride from `from` on, over the stride.
 int divided_up(int from, int stride) {
-  return (from + stride - 1) / stride;
+  return stride == 1 ? from : (from + stride - 1) / stride;
 }
 
-void take_rays(const HeightMap& map, int v, int stride, const Range& pixels, PredictedRow& row) {
+/// Without distortion the rays of a column have the same x, and those of a row the same y: of the large table only its
+/// first row and column are read.
+struct RayLookup {
+  const HeightMap& map;
+  bool distorted;
+
+  float x(int u, int v) const { return map.rays[map.cell(u, distorted ? v : 0)].x(); }
+  float y(int u, int v) const { return map.rays[map.cell(distorted ? u : 0, v)].y(); }
+};
+
+void take_rays(const RayLookup& rays, int v, int stride, const Range& pixels, PredictedRow& row) {
   for (int i = pixels.begin; i < pixels.end; ++i) {
-    const Eigen::Vector2f& ray = map.rays[map.cell(i * stride, v)];
-    row.ray_x[static_cast<std::size_t>(i)] = ray.x();
-    row.ray_y[static_cast<std::size_t>(i)] = ray.y();
+    row.ray_x[static_cast<std::size_t>(i)] = rays.x(i * stride, v);
+    row.ray_y[static_cast<std::size_t>(i)] = rays.y(i * stride, v);
   }
 }
 
 /// Intersects the pixels of row v with every piece, and tells which pixels that may have been: in strides.
-Range intersect_all(const HeightMap& map, const std::vector<Outlined>& outlined, float radius_m, int v, int stride,
+Range intersect_all(const RayLookup& rays, const OutlinedTube& outlined, float radius_m, int v, int stride,
                     PredictedRow& row) {
-  const int width = map.intrinsics.width;
+  const int width = rays.map.intrinsics.width;
   Range touched{width, 0};
-  for (const Outlined& one : outlined) {
-    if (v < one.rows.begin || v >= one.rows.end) continue;
-    const Range columns = columns_in(one.quad, v, width);
+  for (std::size_t k = 0; k < outlined.rows.size(); ++k) {
+    if (v < outlined.rows[k].begin || v >= outlined.rows[k].end) continue;
+    const Outlined& one = outlined.pieces[k];
+    const Range columns = columns_in(one.edges, v, width);
     const int begin = divided_up(columns.begin, stride);
     const int end = divided_up(columns.end, stride);
     if (begin >= end) continue;
     if (touched.begin >= touched.end) touched = {begin, begin};
-    take_rays(map, v, stride, {begin, touched.begin}, row);
-    take_rays(map, v, stride, {touched.end, end}, row);
+    take_rays(rays, v, stride, {begin, touched.begin}, row);
+    take_rays(rays, v, stride, {touched.end, end}, row);
     touched = {std::min(touched.begin, begin), std::max(touched.end, end)};
     intersect_row(one.piece, radius_m, begin, end, row);
   }
@@ -204,24 +249,34 @@ PredictedPixel* take_pixels(PredictedRow& row, Range touched, std::size_t first_
   return pixel;
 }
 
+/// A row for this thread, met by nothing. Fresh buffers would cost as much as all else for a short piece.
+PredictedRow& row_for(int pixels) {
+  thread_local PredictedRow row;
+  if (row.depth_m.size() < static_cast<std::size_t>(pixels)) row = make_row(pixels);
+  return row;
+}
+
 }  // namespace
 
 void predict_pixels(const HeightMap& map, const NoiseModel& noise, const TubeModel& model, int stride,
                     std::vector<PredictedPixel>& pixels) {
   const Intrinsics& in = map.intrinsics;
-  const std::vector<Outlined> outlined = outline_all(in, model);
-  Range rows{in.height, 0};
-  for (const Outlined& one : outlined) {
-    rows = {std::min(rows.begin, one.rows.begin), std::max(rows.end, one.rows.end)};
+  const OutlinedTube outlined = outline_all(in, model);
+  const Range rows = outlined.all_rows;
+  const auto room = static_cast<std::size_t>(outlined.pixels / (stride * stride));
+  if (pixels.capacity() < room) {
+    pixels = {};  // nothing in it is worth a copy
+    pixels.reserve(room + room / 2);
   }
-  PredictedRow row = make_row(in.width);
+  PredictedRow& row = row_for(in.width);
+  const RayLookup rays{map, in.has_distortion()};
   std::size_t count = 0;
   for (int v = divided_up(rows.begin, stride) * stride; v < rows.end; v += stride) {
-    const Range touched = intersect_all(map, outlined, static_cast<float>(model.radius_m), v, stride, row);
+    const Range touched = intersect_all(rays, outlined, static_cast<float>(model.radius_m), v, stride, row);
     if (touched.begin >= touched.end) continue;
     judge_row(noise, in.fx_px, model.radius_m, touched.begin, touched.end, row);
     const std::size_t most = count + static_cast<std::size_t>(touched.end - touched.begin);
-    if (pixels.size() < most) pixels.resize(std::max(most, 2 * pixels.size()));
+    if (pixels.size() < most) pixels.resize(most);
     PredictedPixel* const end = take_pixels(row, touched, map.cell(0, v), stride, pixels.data() + count);
     count = static_cast<std::size_t>(end - pixels.data());
   }
@@ -235,18 +290,21 @@ std::vector<PredictedPixel> predict_pixels(const HeightMap& map, const NoiseMode
   return pixels;
 }
 
+float least_margin_px(const NoiseModel& noise) {
+  return 3.0F * static_cast<float>(noise.lateral_px);
+}
+
 std::vector<Observation> select_observations(const HeightMap& map, const NoiseModel& noise,
                                              const std::vector<PredictedPixel>& predicted, double gate_m,
                                              double gate_sigmas, const Extent& extent) {
-  const float margin_px = 3.0F * static_cast<float>(noise.lateral_px);
+  const DisparityLevels levels = levels_of_readings(map, noise);
   std::vector<Observation> observations;
   observations.reserve(predicted.size());
   for (const PredictedPixel& pixel : predicted) {
     const float measured = map.depth_m[pixel.cell];
-    if (measured <= 0.0F || pixel.cos_incidence < kCos75 || pixel.margin_px < margin_px) continue;
+    if (measured <= 0.0F || pixel.cos_incidence < kCos75 || pixel.margin_px < least_margin_px(noise)) continue;
     if (pixel.t < extent.t_begin || pixel.t > extent.t_end) continue;
-    const double reading_m = map.at_disparity_levels ? depth_of_level_m(noise, measured, map.unit_m) : measured;
-    const double depth_m = reading_m - pixel.jitter_bias_m;
+    const double depth_m = unbiased_m(levels, pixel, measured);
     if (std::abs(depth_m - pixel.depth_m) > gate_m + gate_sigmas * pixel.sigma_m) continue;
     const Eigen::Vector3d ray(map.rays[pixel.cell].x(), map.rays[pixel.cell].y(), 1.0);
     const double norm = ray.norm();

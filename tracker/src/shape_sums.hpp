@@ -34,10 +34,18 @@ struct ShapeSums {
 };
 
 /// How far a reading may stray and still be this tube's.
-double agreement_m(const TubeModel& model, const PredictedPixel& pixel);
+inline double agreement_m(const TubeModel& model, const PredictedPixel& pixel) {
+  return 3.5 * pixel.sigma_m + 0.05 * model.radius_m;
+}
 
 /// A reading of the tube or of what may stand in its place.
-void add_to_shape(const TubeModel& model, const PredictedPixel& pixel, double off_m, ShapeSums& shape);
+inline void add_to_shape(const TubeModel& model, const PredictedPixel& pixel, double off_m, ShapeSums& shape) {
+  if (std::abs(off_m) > 0.6 * model.radius_m + 4.0 * pixel.sigma_m) return;
+  const float cos_angle = std::sqrt(std::max(0.0F, 1.0F - pixel.lateral * pixel.lateral));
+  const float radii = pixel.across / static_cast<float>(model.radius_m);
+  const float sigma = pixel.sigma_m * radii;
+  shape.add(cos_angle, off_m * radii, 1.0F / (sigma * sigma));
+}
 
 double arc_length_m(const Spline& spline, double t_begin, double t_end);
 

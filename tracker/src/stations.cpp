@@ -19,18 +19,6 @@ double arc_length_m(const Spline& spline, double t_begin, double t_end) {
   return length;
 }
 
-double agreement_m(const TubeModel& model, const PredictedPixel& pixel) {
-  return 3.5 * pixel.sigma_m + 0.05 * model.radius_m;
-}
-
-void add_to_shape(const TubeModel& model, const PredictedPixel& pixel, double off_m, ShapeSums& shape) {
-  const double sigma_m = pixel.sigma_m;
-  if (std::abs(off_m) > 0.6 * model.radius_m + 4.0 * sigma_m) return;
-  const double cos_angle = std::sqrt(std::max(0.0, 1.0 - 1.0 * pixel.lateral * pixel.lateral));
-  const double radii = pixel.across / model.radius_m;
-  shape.add(cos_angle, off_m * radii, 1.0 / (sigma_m * sigma_m * radii * radii));
-}
-
 double station_length_m(const HeightMap& map, const TubeModel& model) {
   const Eigen::Vector3d middle = point_at(model.spline, 0.5 * model.spline.spans());
   return std::max(0.002, 2.0 * middle.z() / map.intrinsics.fx_px);
@@ -43,9 +31,10 @@ std::vector<Station> stations_of(const HeightMap& map, const TubeModel& model,
   std::vector<Station> stations(static_cast<std::size_t>(count));
   for (int i = 0; i < count; ++i) stations[static_cast<std::size_t>(i)].t = (i + 0.5) * spans / count;
   std::vector<ShapeSums> shapes(stations.size());
+  const double per_span = count / spans;
   for (const PredictedPixel& pixel : predicted) {
     if (pixel.cos_incidence < kCos75) continue;
-    const int at = std::clamp(static_cast<int>(pixel.t / spans * count), 0, count - 1);
+    const int at = std::clamp(static_cast<int>(pixel.t * per_span), 0, count - 1);
     Station& station = stations[static_cast<std::size_t>(at)];
     ++station.expected;
     const float measured = map.depth_m[pixel.cell];

@@ -16,15 +16,15 @@ namespace tubetrack {
 
 /// A span of the centreline and the tube's radius.
 struct SpanOfTube {
-  std::array<double, 3> c0, c1, c2, c3;  ///< place at s: c0 + s (c1 + s (c2 + s c3))
-  double s_min, s_max;                   ///< the ends of the whole centreline
-  double radius_m;
+  std::array<float, 3> c0, c1, c2, c3;  ///< place at s: c0 + s (c1 + s (c2 + s c3)), from the observations' origin
+  float s_min, s_max;                   ///< the ends of the whole centreline
+  float radius_m;
 };
 
 /// Partial sums over a stretch, in the order of StretchSums: always as many, whatever a vector of this machine holds,
 /// so that the bytes are the same everywhere.
 struct PartialSums {
-  using Row = std::array<double, kPartials>;
+  using Row = std::array<float, kPartials>;
   Row xx, xy, xz, yy, yz, zz;
   Row x_radius, y_radius, z_radius;
   Row x_residual, y_residual, z_residual;
@@ -41,10 +41,10 @@ namespace {
 
 namespace hn = hwy::HWY_NAMESPACE;
 
-using D = hn::CappedTag<double, kPartials>;
+using D = hn::CappedTag<float, kPartials>;
 using V = hn::Vec<D>;
 
-HWY_INLINE V Number(double value) {
+HWY_INLINE V Number(float value) {
   return hn::Set(D(), value);
 }
 
@@ -58,14 +58,15 @@ HWY_INLINE V Place(const SpanOfTube& span, std::size_t axis, V s) {
 }
 
 HWY_INLINE V Slope(const SpanOfTube& span, std::size_t axis, V s) {
-  const V inner = hn::Add(Number(2.0 * span.c2[axis]), hn::Mul(s, Number(3.0 * span.c3[axis])));
+  const V inner = hn::Add(Number(2.0F * span.c2[axis]), hn::Mul(s, Number(3.0F * span.c3[axis])));
   return hn::Add(Number(span.c1[axis]), hn::Mul(s, inner));
 }
 
-/// `residual_on`, step by step, for as many observations as a vector holds, and what they add to the sums.
+/// `residual_on`, step by step, for as many observations as a vector holds, and what they add to the sums. Lengths
+/// along a ray are in lengths of its direction, σ too, which leaves every sum what it is.
 HWY_INLINE void AddVector(const SpanOfTube& span, const ObservationBlock& block, std::size_t lane, PartialSums& sums) {
   const D d;
-  const V one = Number(1.0);
+  const V one = Number(1.0F);
   const V zero = hn::Zero(d);
   const V x = hn::LoadU(d, block.x.data() + lane);
   const V y = hn::LoadU(d, block.y.data() + lane);
@@ -73,9 +74,12 @@ HWY_INLINE void AddVector(const SpanOfTube& span, const ObservationBlock& block,
   const V dx = hn::LoadU(d, block.direction_x.data() + lane);
   const V dy = hn::LoadU(d, block.direction_y.data() + lane);
   const V dz = hn::LoadU(d, block.direction_z.data() + lane);
-  const V radius = Number(span.radius_m);
+  const V direction2 = Dot(dx, dy, dz, dx, dy, dz);
+  const V radius2 = Number(span.radius_m * span.radius_m);
+  const V least_a = hn::Mul(Number(1e-6F), direction2);
+  const V least_root2 = hn::Mul(Number(0.17F * 0.17F * span.radius_m * span.radius_m), direction2);
   V s = hn::LoadU(d, block.s.data() + lane);
-  V off_x, off_y, off_z, ray_x, ray_y, ray_z, slope, shift;
+  V off_x, off_y, off_z, ray_x, ray_y, ray_z, root2, root, shift;
   hn::Mask<D> valid;
   constexpr int kRounds = 4;
   for (int round = 0; round < kRounds; ++round) {
@@ -96,24 +100,23 @@ HWY_INLINE void AddVector(const SpanOfTube& span, const ObservationBlock& block,
     ray_z = hn::Sub(dz, hn::Mul(ray_along, along_z));
     const V a = Dot(ray_x, ray_y, ray_z, ray_x, ray_y, ray_z);
     const V b = Dot(ray_x, ray_y, ray_z, off_x, off_y, off_z);
-    const V c = hn::Sub(Dot(off_x, off_y, off_z, off_x, off_y, off_z), hn::Mul(radius, radius));
-    const V discriminant = hn::Sub(hn::Mul(b, b), hn::Mul(a, c));
-    slope = hn::Neg(hn::Div(hn::Sqrt(hn::Max(discriminant, zero)), radius));
-    valid = hn::And(hn::Ge(a, Number(1e-6)), hn::Le(slope, Number(-0.17)));
-    shift = hn::Div(hn::Sub(hn::Mul(slope, radius), b), hn::Max(a, Number(1e-6)));
+    const V c = hn::Sub(Dot(off_x, off_y, off_z, off_x, off_y, off_z), radius2);
+    root2 = hn::Sub(hn::Mul(b, b), hn::Mul(a, c));
+    root = hn::Sqrt(hn::Max(root2, zero));
+    valid = hn::And(hn::Ge(a, least_a), hn::Ge(root2, least_root2));
+    shift = hn::Neg(hn::Div(hn::Add(b, root), hn::Max(a, least_a)));
     const V off = hn::Add(point_along, hn::Mul(shift, ray_along));
-    const V step = hn::Min(hn::Max(off, Number(-0.5)), Number(0.5));
+    const V step = hn::Min(hn::Max(off, Number(-0.5F)), Number(0.5F));
     const V next = hn::Min(hn::Max(hn::Add(s, step), Number(span.s_min)), Number(span.s_max));
-    const auto goes_on = hn::And(valid, hn::Ge(hn::Abs(hn::Sub(next, s)), Number(0.01)));
+    const auto goes_on = hn::And(valid, hn::Ge(hn::Abs(hn::Sub(next, s)), Number(0.01F)));
     if (hn::AllFalse(d, goes_on)) break;
     s = hn::IfThenElse(goes_on, next, s);
   }
-  slope = hn::IfThenElse(valid, slope, Number(-1.0));
-  const V per_length = hn::Div(one, hn::Mul(radius, slope));
-  const V by_x = hn::Mul(hn::Add(off_x, hn::Mul(shift, ray_x)), per_length);
-  const V by_y = hn::Mul(hn::Add(off_y, hn::Mul(shift, ray_y)), per_length);
-  const V by_z = hn::Mul(hn::Add(off_z, hn::Mul(shift, ray_z)), per_length);
-  const V by_radius = hn::Div(one, slope);
+  const V per_slope = hn::Neg(hn::Div(one, hn::IfThenElse(valid, root, one)));
+  const V by_x = hn::Mul(hn::Add(off_x, hn::Mul(shift, ray_x)), per_slope);
+  const V by_y = hn::Mul(hn::Add(off_y, hn::Mul(shift, ray_y)), per_slope);
+  const V by_z = hn::Mul(hn::Add(off_z, hn::Mul(shift, ray_z)), per_slope);
+  const V by_radius = hn::Mul(Number(span.radius_m), per_slope);
   const V residual = hn::Neg(shift);
   const V weight = hn::IfThenElseZero(valid, hn::LoadU(d, block.weight.data() + lane));
   const V weighted_x = hn::Mul(weight, by_x);
@@ -160,7 +163,8 @@ HWY_EXPORT(AddBlocks);
 namespace {
 
 double sum(const PartialSums::Row& row) {
-  return ((row[0] + row[1]) + (row[2] + row[3])) + ((row[4] + row[5]) + (row[6] + row[7]));
+  const std::array<double, kPartials> r{row[0], row[1], row[2], row[3], row[4], row[5], row[6], row[7]};
+  return ((r[0] + r[1]) + (r[2] + r[3])) + ((r[4] + r[5]) + (r[6] + r[7]));
 }
 
 StretchSums summed(const PartialSums& p) {
@@ -175,50 +179,56 @@ StretchSums summed(const PartialSums& p) {
   return sums;
 }
 
-SpanOfTube span_of_tube(const SpanPolynomial& polynomial, std::size_t span, double spans, double radius_m) {
-  const auto numbers = [](const Eigen::Vector3d& v) { return std::array<double, 3>{v.x(), v.y(), v.z()}; };
+SpanOfTube span_of_tube(const SpanPolynomial& polynomial, const Eigen::Vector3d& origin_m, std::size_t span,
+                        std::size_t spans, double radius_m) {
+  const auto numbers = [](const Eigen::Vector3d& v) {
+    return std::array<float, 3>{static_cast<float>(v.x()), static_cast<float>(v.y()), static_cast<float>(v.z())};
+  };
   const auto& [c0, c1, c2, c3] = polynomial;
-  const auto start = static_cast<double>(span);
-  return {numbers(c0), numbers(c1), numbers(c2), numbers(c3), -start, spans - start, radius_m};
-}
-
-void put(const Observation& observation, double s, double weight, std::size_t lane, ObservationBlock& block) {
-  block.x[lane] = observation.point_m.x();
-  block.y[lane] = observation.point_m.y();
-  block.z[lane] = observation.point_m.z();
-  block.direction_x[lane] = observation.direction.x();
-  block.direction_y[lane] = observation.direction.y();
-  block.direction_z[lane] = observation.direction.z();
-  block.weight[lane] = weight;
-  block.s[lane] = s;
+  const auto start = static_cast<float>(span);
+  return {numbers(c0 - origin_m),      numbers(c1), numbers(c2), numbers(c3), -start, static_cast<float>(spans) - start,
+          static_cast<float>(radius_m)};
 }
 
 }  // namespace
 
-SortedObservations sort_by_stretch(std::span<const Observation> observations, std::size_t spans) {
-  const std::size_t stretches = spans * kStretchesPerSpan;
-  const auto t_max = static_cast<double>(spans);
-  const auto stretch_of = [&](double t) {
-    return std::min(static_cast<std::size_t>(std::max(t, 0.0) * kStretchesPerSpan), stretches - 1);
-  };
-  std::vector<std::size_t> count(stretches, 0);
-  for (const Observation& observation : observations) ++count[stretch_of(observation.t)];
-  SortedObservations sorted;
-  sorted.first.assign(stretches + 1, 0);
-  for (std::size_t k = 0; k < stretches; ++k) {
-    sorted.first[k + 1] = sorted.first[k] + (count[k] + kPartials - 1) / kPartials;
-    count[k] = 0;
+void make_room(const Spline& spline, std::vector<std::size_t>& count, SortedObservations& sorted) {
+  const std::size_t spans = spline.control_m.size() - 3;
+  sorted.origin_m.resize(spans);
+  for (std::size_t k = 0; k < spans; ++k) sorted.origin_m[k] = point_at(spline, static_cast<double>(k));
+  sorted.first.resize(count.size() + 1);
+  std::size_t blocks = 0;
+  sorted.count = 0;
+  for (std::size_t k = 0; k < count.size(); ++k) {
+    sorted.first[k] = blocks;
+    sorted.count += count[k];
+    blocks += (count[k] + kPartials - 1) / kPartials;
   }
-  sorted.blocks.resize(sorted.first.back());
+  sorted.first.back() = blocks;
+  if (sorted.blocks.size() < blocks) sorted.blocks.resize(blocks);
+  const Eigen::Vector3f ahead = Eigen::Vector3f::UnitZ();
+  for (std::size_t k = 0; k < count.size(); ++k) {
+    const std::size_t begin = sorted.first[k] * kPartials;
+    for (std::size_t at = begin + count[k]; at < sorted.first[k + 1] * kPartials; ++at)
+      put(Eigen::Vector3f::Zero(), ahead, 0.0F, 0.0F, at, sorted);
+    count[k] = begin;
+  }
+}
+
+SortedObservations sort_by_stretch(std::span<const Observation> observations, const Spline& spline) {
+  const std::size_t stretches = (spline.control_m.size() - 3) * kStretchesPerSpan;
+  std::vector<std::size_t> next(stretches, 0);
+  for (const Observation& observation : observations) ++next[stretch_of(observation.t, stretches)];
+  SortedObservations sorted;
+  make_room(spline, next, sorted);
   for (const Observation& observation : observations) {
-    const std::size_t k = stretch_of(observation.t);
-    const std::size_t n = count[k]++;
+    const std::size_t k = stretch_of(observation.t, stretches);
     const std::size_t span = k / kStretchesPerSpan;
-    const double s = std::clamp(observation.t, 0.0, t_max) - static_cast<double>(span);
-    ObservationBlock& block = sorted.blocks[sorted.first[k] + n / kPartials];
-    put(observation, s, 1.0 / (observation.sigma_m * observation.sigma_m), n % kPartials, block);
-    if (n % kPartials != 0) continue;
-    for (std::size_t lane = 1; lane < kPartials; ++lane) put(observation, s, 0.0, lane, block);
+    const Eigen::Vector3d from_origin_m = observation.point_m - sorted.origin_m[span];
+    const double weight = 1.0 / (observation.sigma_m * observation.sigma_m);
+    const double s = std::clamp(observation.t, 0.0, spline.spans()) - static_cast<double>(span);
+    put(from_origin_m.cast<float>(), observation.direction.cast<float>(), static_cast<float>(weight),
+        static_cast<float>(s), next[k]++, sorted);
   }
   return sorted;
 }
@@ -233,7 +243,7 @@ std::vector<StretchSums> sum_stretches(const TubeModel& model, const SortedObser
     const std::size_t span = k / kStretchesPerSpan;
     PartialSums partial{};
     HWY_DYNAMIC_DISPATCH(AddBlocks)
-    (span_of_tube(curve[span], span, static_cast<double>(curve.size()), model.radius_m),
+    (span_of_tube(curve[span], sorted.origin_m[span], span, curve.size(), model.radius_m),
      sorted.blocks.data() + sorted.first[k], count, partial);
     sums[k] = summed(partial);
   }

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <algorithm>
 #include <array>
 #include <cstddef>
 #include <span>
@@ -24,22 +25,46 @@ struct StretchSums {
   int used = 0;  ///< whose ray meets the tube well
 };
 
-/// Observations side by side, as `sum_stretches` takes them; those that only fill up have no weight.
+/// Observations side by side, as `sum_stretches` takes them; those that only fill up have no weight. Places are from
+/// the start of their span (`SortedObservations::origin_m`), so that floats resolve some billionths of a metre.
 inline constexpr std::size_t kPartials = 8;
 struct ObservationBlock {
-  using Row = std::array<double, kPartials>;
-  Row x, y, z;  ///< measured point
-  Row direction_x, direction_y, direction_z;
-  Row weight;  ///< 1/σ²
-  Row s;       ///< place on the centreline, in spans from the start of its span
+  using Row = std::array<float, kPartials>;
+  Row x, y, z;                                ///< measured point
+  Row direction_x, direction_y, direction_z;  ///< along which it errs, of any length
+  Row weight;                                 ///< 1/σ², with σ in lengths of the direction
+  Row s;                                      ///< place on the centreline, in spans from the start of its span
 };
 
-/// Blocks stretch by stretch, of a centreline with so many spans; each stretch starts a block of its own.
+/// Blocks stretch by stretch; each stretch starts a block of its own.
 struct SortedObservations {
   std::vector<ObservationBlock> blocks;
-  std::vector<std::size_t> first;  ///< of each stretch, and one more
+  std::vector<std::size_t> first;         ///< of each stretch, and one more
+  std::vector<Eigen::Vector3d> origin_m;  ///< of each span
+  std::size_t count = 0;                  ///< observations
 };
-SortedObservations sort_by_stretch(std::span<const Observation> observations, std::size_t spans);
+/// By where they are expected on this centreline (`Observation::t`).
+SortedObservations sort_by_stretch(std::span<const Observation> observations, const Spline& spline);
+
+/// The same for whoever has the observations in another form: the stretch of a place; room for so many in each stretch
+/// (buffers are used again), after which `count` holds where in `sorted` the first of each goes; and one put there.
+inline std::size_t stretch_of(double t, std::size_t stretches) {
+  return std::min(static_cast<std::size_t>(static_cast<int>(std::max(t, 0.0) * kStretchesPerSpan)), stretches - 1);
+}
+void make_room(const Spline& spline, std::vector<std::size_t>& count, SortedObservations& sorted);
+inline void put(const Eigen::Vector3f& from_origin_m, const Eigen::Vector3f& direction, float weight, float s,
+                std::size_t at, SortedObservations& sorted) {
+  ObservationBlock& block = sorted.blocks[at / kPartials];
+  const std::size_t lane = at % kPartials;
+  block.x[lane] = from_origin_m.x();
+  block.y[lane] = from_origin_m.y();
+  block.z[lane] = from_origin_m.z();
+  block.direction_x[lane] = direction.x();
+  block.direction_y[lane] = direction.y();
+  block.direction_z[lane] = direction.z();
+  block.weight[lane] = weight;
+  block.s[lane] = s;
+}
 
 /// One for each eighth of a span. An observation counts where it is expected (`Observation::t`): its own foot on the
 /// centreline decides its residual, but not its stretch or span.

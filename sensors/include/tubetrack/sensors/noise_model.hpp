@@ -45,11 +45,4 @@ double axial_sigma_m(const NoiseModel& model, double depth_m, double incidence_r
 /// σ of one depth reading with the lateral jitter included (DESIGN §2, Fit).
 double depth_sigma_m(const NoiseModel& model, double depth_m, double incidence_rad, double focal_px);
 
-/// The depth (metres) of the disparity level that a reading, written in whole units of `unit_m`, comes from; the mean
-/// of those it may come from where the levels are closer than units; the nearest where none is written so. A sensor
-/// that measures disparity knows few depths; written in whole millimetres they are off by up to half of one, the same
-/// way over wide areas and in every frame, so that no average takes it out. The reading itself where the model has no
-/// levels.
-double depth_of_level_m(const NoiseModel& model, double depth_m, double unit_m);
-
 }  // namespace tubetrack

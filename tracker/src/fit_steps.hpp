@@ -1,0 +1,16 @@
+#pragma once
+
+#include <optional>
+
+#include "normal_equations.hpp"
+
+namespace tubetrack {
+
+/// `fit_tube` of observations that are sorted already, by the model's own stretches.
+std::optional<FitQuality> fit_tube(TubeModel& model, const SortedObservations& observations, const FitOptions& options);
+
+/// One step of it, from the model that the equations were made at; `gauss_newton_steps` doesn't count. The radius must
+/// be the one that is held, if one is.
+std::optional<FitQuality> take_step(TubeModel& model, ObservedEquations observed, const FitOptions& options);
+
+}  // namespace tubetrack

@@ -1,0 +1,49 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "stretch_sums.hpp"
+#include "tubetrack/sensors/disparity_levels.hpp"
+#include "tubetrack/tracker/predict.hpp"
+
+namespace tubetrack {
+
+/// How far inside the silhouette a pixel must be, so that what jitters across it neither comes in nor is missing.
+float least_margin_px(const NoiseModel& noise);
+
+/// Levels that the map's readings come from; none where they lie at none.
+inline DisparityLevels levels_of_readings(const HeightMap& map, const NoiseModel& noise) {
+  return map.at_disparity_levels ? disparity_levels(noise, map.unit_m) : DisparityLevels{};
+}
+/// The reading without the bias of its rounding and of the jitter.
+inline double unbiased_m(const DisparityLevels& levels, const PredictedPixel& pixel, float measured_m) {
+  return depth_of_level_m(levels, measured_m) - pixel.jitter_bias_m;
+}
+
+/// What of a tube's predicted pixels may be fitted (as `select_observations` says), ready to be summed: readings within
+/// near_m + sigmas·σ of the prediction, and those beyond that within far_m + sigmas·σ.
+struct Gates {
+  double near_m = 0.0;
+  double far_m = 0.0;
+  double sigmas = 4.0;
+};
+struct Sighting {
+  SortedObservations near, far;
+  /// Scratch of `observe`.
+  struct Chosen {
+    float depth_m = 0.0F;
+    std::uint32_t pixel = 0, stretch = 0;
+    bool is_near = true;
+  };
+  std::vector<Chosen> chosen;  // the first so many
+  std::vector<std::size_t> near_next, far_next;
+};
+
+/// The pixels must be predicted on this centreline. Buffers of `sighting` are used again.
+void observe(const HeightMap& map, const NoiseModel& noise, const Spline& spline,
+             std::span<const PredictedPixel> pixels, const Gates& gates, const Extent& extent, Sighting& sighting);
+
+}  // namespace tubetrack
