@@ -36,6 +36,12 @@ Expected<void> apply_radius(const TrackOptions& options, TrackerConfig& config) 
     config.radius_max_m = (*range)[1];
     config.radius_m.reset();
   }
+  if (options.varying_radius) {
+    if (config.radius_m)
+      return tl::make_unexpected(Error::usage(
+          "--varying-radius: a known radius is held; leave --radius (radius_m) out, or give --radius-range"));
+    config.varying_radius = true;
+  }
   return {};
 }
 
@@ -111,6 +117,8 @@ void add_tracker_flags(CLI::App& command, TrackOptions& options) {
       ->type_name("M");
   command.add_option("--radius-range", options.radius_range, "look for radii in this range only, in metres")
       ->type_name("MIN:MAX");
+  command.add_flag("--varying-radius", options.varying_radius,
+                   "let the radius vary along a tube, as a hose's or a branch's does: node_radius_m in the results");
   command.add_option("--depth-range", options.depth_range, "ignore what is nearer or farther, in metres")
       ->type_name("MIN:MAX");
   command.add_option("--roi", options.roi, "look only at this part of the image, in pixels")->type_name("U,V,W,H");

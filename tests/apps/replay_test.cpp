@@ -312,6 +312,7 @@ INSTANTIATE_TEST_SUITE_P(
         BadFlag{"ThreadsTooMany", {"--threads", "1000"}, {"--threads 1000", "1 to 64"}},
         BadFlag{"Noise", {"--noise", "kinect9"}, {"--noise kinect9: takes kinect1, stereo, tof"}},
         BadFlag{"NoiseFile", {"--noise", "/nowhere/n.json"}, {"--noise /nowhere/n.json: cannot be read"}},
+        BadFlag{"VaryingRadius", {"--varying-radius", "--radius", "0.02"}, {"--varying-radius", "--radius-range"}},
         BadFlag{"MapPlane", {"--map", "plane"}, {"--map plane: is not in this version"}},
         BadFlag{"Map", {"--map", "round"}, {"--map round: takes image"}},
         BadFlag{"Pace", {"--pace", "slow"}, {"--pace slow: takes fast or realtime"}},

@@ -5,6 +5,7 @@
 
 #include "band_solver.hpp"
 #include "normal_equations.hpp"
+#include "varying_fit.hpp"
 
 namespace tubetrack {
 
@@ -25,6 +26,8 @@ Eigen::VectorXd parameters_of(const TubeModel& model) {
 std::optional<FitQuality> fit_tube(TubeModel& model, const std::vector<Observation>& observations,
                                    const FitOptions& options) {
   const bool free_radius = !options.radius_m;
+  if (options.varying_radius && free_radius && options.suppleness >= 1.0)
+    return fit_varying_tube(model, observations, options);
   if (options.radius_m) model.radius_m = *options.radius_m;
   if (observations.size() < 20) return std::nullopt;
   const SortedObservations sorted = sort_by_stretch(observations, model.spline.control_m.size() - 3);

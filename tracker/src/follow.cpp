@@ -23,6 +23,7 @@ constexpr double kStale = 0.02;  // radii: so far a model may have moved from th
 FitOptions fit_options(const TrackerConfig& config, const FollowedTube& tube, const Information* prior) {
   FitOptions options;
   options.radius_m = config.radius_m ? config.radius_m : tube.held_radius_m;
+  options.varying_radius = config.varying_radius;
   options.radius_min_m = 0.5 * config.radius_min_m;
   options.radius_max_m = 1.5 * config.radius_max_m;
   options.prior = prior;
@@ -101,11 +102,14 @@ void judge_rest(FollowedTube& tube, const HeightMap& map, const TrackerConfig& c
 
 /// One step from a model that is near.
 bool fit_once(FollowedTube& tube, const HeightMap& map, const TrackerConfig& config, TubeModel& model,
-              const Information& prior, double gate_radii, bool want_covariance) {
+              const Information& prior, const ProfileInformation* profile_prior, double gate_radii,
+              bool want_covariance) {
   const auto observations = observe(tube, map, config, gate_radii * model.radius_m);
   FitOptions options = fit_options(config, tube, &prior);
   options.gauss_newton_steps = 1;
   options.want_covariance = want_covariance;
+  options.profile_prior = profile_prior;
+  options.prior_has_places = tube.at_rest;
   auto quality = fit_tube(model, observations, options);
   if (!quality) return false;
   const double radius_sigma_m = tube.quality.radius_sigma_m;
@@ -126,9 +130,9 @@ void take_model(FollowedTube& tube, TubeModel model, const TrackerConfig& config
 bool fit_to_frame(FollowedTube& tube, const HeightMap& map, const TrackerConfig& config, TubeModel model) {
   const Information nothing = no_information(model);
   predict(tube, map, config, model);
-  if (!fit_once(tube, map, config, model, nothing, 0.2, false)) return false;
+  if (!fit_once(tube, map, config, model, nothing, nullptr, 0.2, false)) return false;
   predict(tube, map, config, model);
-  if (!fit_once(tube, map, config, model, nothing, 0.1, true)) return false;
+  if (!fit_once(tube, map, config, model, nothing, nullptr, 0.1, true)) return false;
   take_model(tube, std::move(model), config);
   return true;
 }
@@ -136,9 +140,10 @@ bool fit_to_frame(FollowedTube& tube, const HeightMap& map, const TrackerConfig&
 /// How far a step took what is in sight.
 double moved_m(const TubeModel& from, const TubeModel& to, const Extent& extent) {
   constexpr double kSteps = 16;
-  double farthest = std::abs(to.radius_m - from.radius_m);
+  double farthest = 0.0;
   for (double i = 0; i <= kSteps; ++i) {
     const double t = extent.t_begin + (extent.t_end - extent.t_begin) * i / kSteps;
+    farthest = std::max(farthest, std::abs(radius_at(to, t) - radius_at(from, t)));
     farthest = std::max(farthest, (point_at(to.spline, t) - point_at(from.spline, t)).norm());
   }
   return farthest;
@@ -192,6 +197,8 @@ void pool_first_frame(FollowedTube& tube) {
   start_pool(tube);
   tube.pooled = no_information(tube.model);  // the radius is in what was observed
   add_to_pool(tube);
+  tube.profile_pool = {};
+  add_to_profile_pool(tube);
 }
 
 /// A copy but for pixels and stations, which are large.
@@ -241,6 +248,11 @@ void pool_without_ends(FollowedTube& tube, const HeightMap& map, const TrackerCo
   FollowedTube without = tube;
   if (!fit_to_frame(without, map, config, tube.model)) return;
   tube.quality.observed = std::move(without.quality.observed);
+  tube.quality.profile = std::move(without.quality.profile);
+  if (!tube.model.profile.offset_m.empty()) {
+    tube.model.radius_m = without.model.radius_m;
+    tube.model.profile = std::move(without.model.profile);
+  }
   pool_first_frame(tube);
 }
 
@@ -255,7 +267,8 @@ void follow_tube(FollowedTube& tube, const HeightMap& map, const TrackerConfig& 
   bool fitted = judge_motion(tube, map, config, model, elapsed_s);
   if (fitted) {
     const TubeModel predicted = model;
-    fitted = fit_once(tube, map, config, model, tube.at_rest ? tube.pooled : radius_only(tube), 0.1, true);
+    fitted = fit_once(tube, map, config, model, tube.at_rest ? tube.pooled : radius_only(tube), &tube.profile_pool, 0.1,
+                      true);
     if (fitted) take_model(tube, std::move(model), config);
     if (fitted && moved_m(predicted, tube.model, tube.extent) > kStale * tube.model.radius_m)
       predict(tube, map, config, tube.model);
@@ -272,6 +285,7 @@ void follow_tube(FollowedTube& tube, const HeightMap& map, const TrackerConfig& 
   }
   tube.last_seen_s = timestamp_s;
   ++tube.frames_followed;
+  add_to_profile_pool(tube);
   if (tube.at_rest) {
     add_to_pool(tube);
     judge_creep(tube);

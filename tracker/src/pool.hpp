@@ -17,6 +17,9 @@ void start_pool(FollowedTube& tube);
 /// Takes in what the last fit observed.
 void add_to_pool(FollowedTube& tube);
 
+/// The same of a varying radius, at rest or not.
+void add_to_profile_pool(FollowedTube& tube);
+
 /// At rest, before a frame: what is known of the tube goes on as it creeps.
 void creep_on(FollowedTube& tube, double elapsed_s);
 

@@ -19,23 +19,29 @@ struct Piece {
   Eigen::Vector3d axis;                    ///< unit
   Eigen::Vector3d start_mitre, end_mitre;  ///< normals of the planes, per metre along this piece's axis
   double t_start = 0.0;
+  double t_length = 0.0;
+  double radius_m = 0.0;
 };
 
 constexpr double kSpansPerPiece = 0.5;
+constexpr double kSpansPerVaryingPiece = 0.125;  // a taper of 10 % is a step of 1.5 % of the radius then
 
 std::vector<Piece> cut_into_pieces(const TubeModel& model) {
-  const int count = static_cast<int>(std::lround(model.spline.spans() / kSpansPerPiece));
+  const double spans_per_piece = model.profile.offset_m.empty() ? kSpansPerPiece : kSpansPerVaryingPiece;
+  const int count = static_cast<int>(std::lround(model.spline.spans() / spans_per_piece));
   std::vector<Piece> pieces;
   pieces.reserve(static_cast<std::size_t>(count));
   Eigen::Vector3d from = point_at(model.spline, 0.0);
   for (int i = 0; i < count; ++i) {
     Piece piece;
     piece.start_m = from;
-    piece.end_m = from = point_at(model.spline, kSpansPerPiece * (i + 1));
+    piece.end_m = from = point_at(model.spline, spans_per_piece * (i + 1));
     const double length_m = (piece.end_m - piece.start_m).norm();
     if (length_m < 1e-6) continue;
     piece.axis = (piece.end_m - piece.start_m) / length_m;
-    piece.t_start = kSpansPerPiece * i;
+    piece.t_start = spans_per_piece * i;
+    piece.t_length = spans_per_piece;
+    piece.radius_m = radius_at(model, piece.t_start + 0.5 * piece.t_length);
     piece.start_mitre = piece.end_mitre = piece.axis;
     pieces.push_back(piece);
   }
@@ -99,6 +105,7 @@ Range between(double low, double high, int size) {
 /// A piece with the rows of the image in which it may be seen.
 struct Outlined {
   RowPiece piece;
+  float radius_m;
   Quad quad;
   Range rows;
 };
@@ -117,17 +124,17 @@ RowPiece row_piece(const Piece& piece) {
   row.start_off_m = static_cast<float>((middle_m - piece.start_m).dot(piece.start_mitre));
   row.end_off_m = static_cast<float>((piece.end_m - middle_m).dot(piece.end_mitre));
   row.t_start = static_cast<float>(piece.t_start);
-  row.t_length = static_cast<float>(kSpansPerPiece);
+  row.t_length = static_cast<float>(piece.t_length);
   return row;
 }
 
 std::vector<Outlined> outline_all(const Intrinsics& in, const TubeModel& model) {
   std::vector<Outlined> all;
   for (const Piece& piece : cut_into_pieces(model)) {
-    const std::optional<Quad> quad = outline_of(in, piece, model.radius_m);
+    const std::optional<Quad> quad = outline_of(in, piece, piece.radius_m);
     if (!quad) continue;
     const auto [top, bottom] = std::minmax({(*quad)[0].y(), (*quad)[1].y(), (*quad)[2].y(), (*quad)[3].y()});
-    all.push_back({row_piece(piece), *quad, between(top, bottom, in.height)});
+    all.push_back({row_piece(piece), static_cast<float>(piece.radius_m), *quad, between(top, bottom, in.height)});
   }
   return all;
 }
@@ -161,8 +168,7 @@ void take_rays(const HeightMap& map, int v, int stride, const Range& pixels, Pre
 }
 
 /// Intersects the pixels of row v with every piece, and tells which pixels that may have been: in strides.
-Range intersect_all(const HeightMap& map, const std::vector<Outlined>& outlined, float radius_m, int v, int stride,
-                    PredictedRow& row) {
+Range intersect_all(const HeightMap& map, const std::vector<Outlined>& outlined, int v, int stride, PredictedRow& row) {
   const int width = map.intrinsics.width;
   Range touched{width, 0};
   for (const Outlined& one : outlined) {
@@ -175,7 +181,7 @@ Range intersect_all(const HeightMap& map, const std::vector<Outlined>& outlined,
     take_rays(map, v, stride, {begin, touched.begin}, row);
     take_rays(map, v, stride, {touched.end, end}, row);
     touched = {std::min(touched.begin, begin), std::max(touched.end, end)};
-    intersect_row(one.piece, radius_m, begin, end, row);
+    intersect_row(one.piece, one.radius_m, begin, end, row);
   }
   return touched;
 }
@@ -217,7 +223,7 @@ void predict_pixels(const HeightMap& map, const NoiseModel& noise, const TubeMod
   PredictedRow row = make_row(in.width);
   std::size_t count = 0;
   for (int v = divided_up(rows.begin, stride) * stride; v < rows.end; v += stride) {
-    const Range touched = intersect_all(map, outlined, static_cast<float>(model.radius_m), v, stride, row);
+    const Range touched = intersect_all(map, outlined, v, stride, row);
     if (touched.begin >= touched.end) continue;
     judge_row(noise, in.fx_px, model.radius_m, touched.begin, touched.end, row);
     const std::size_t most = count + static_cast<std::size_t>(touched.end - touched.begin);
