@@ -167,6 +167,14 @@ INSTANTIATE_TEST_SUITE_P(Hoses, VaryingRadius,
                                            Case{"hose", bent_hose, 0.00036, 0.00032, 0.00014, 0.00008}),
                          [](const auto& row) { return std::string(row.param.name); });
 
+TEST(VaryingRadiusInMotion, AConeThatSlidesAlongItselfIsSeenAsWellAsInASingleFrame) {
+  Scene scene = cone();
+  scene.tubes[0].motion.velocity_m_s = {0.09, 0.03, 0.03};
+  const Errors errors = errors_after(scene, 15, 1, "slides");
+  EXPECT_LE(errors.line_m, 0.0002);
+  EXPECT_LE(errors.radius_m, 0.00015);
+}
+
 TEST(VaryingRadiusOff, AConeIsNoTubeUnlessAskedFor) {
   auto tracker = TubeTracker::create({}, cone().camera);
   EXPECT_TRUE(tracker->track(depth_frame(render_frame(cone(), 0, {}))).tubes.empty());

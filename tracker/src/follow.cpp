@@ -267,8 +267,8 @@ void follow_tube(FollowedTube& tube, const HeightMap& map, const TrackerConfig& 
   bool fitted = judge_motion(tube, map, config, model, elapsed_s);
   if (fitted) {
     const TubeModel predicted = model;
-    fitted = fit_once(tube, map, config, model, tube.at_rest ? tube.pooled : radius_only(tube), &tube.profile_pool, 0.1,
-                      true);
+    fitted = fit_once(tube, map, config, model, tube.at_rest ? tube.pooled : radius_only(tube),
+                      tube.at_rest ? &tube.profile_pool : nullptr, 0.1, true);
     if (fitted) take_model(tube, std::move(model), config);
     if (fitted && moved_m(predicted, tube.model, tube.extent) > kStale * tube.model.radius_m)
       predict(tube, map, config, tube.model);
@@ -285,13 +285,13 @@ void follow_tube(FollowedTube& tube, const HeightMap& map, const TrackerConfig& 
   }
   tube.last_seen_s = timestamp_s;
   ++tube.frames_followed;
-  add_to_profile_pool(tube);
   if (tube.at_rest) {
     add_to_pool(tube);
     judge_creep(tube);
   } else {
     judge_rest(tube, map, config);
   }
+  add_to_profile_pool(tube);
 }
 
 }  // namespace tubetrack

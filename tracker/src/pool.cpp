@@ -60,6 +60,10 @@ void add_to_profile_pool(FollowedTube& tube) {
   const ProfileInformation& seen = tube.quality.profile;
   if (seen.values.vector.size() == 0) return;
   ProfileInformation& pool = tube.profile_pool;
+  if (!tube.at_rest) {
+    pool = {};
+    return;
+  }
   pool.values = placed(pool, seen.first, seen.values.vector.size());
   pool.first = seen.first;
   constexpr double kFactor = 1.0 - 1.0 / kMaxPooledFrames;

@@ -8,7 +8,7 @@
 
 namespace tubetrack {
 
-/// `fit_tube` with a radius that varies: the profile's control values in place of the one radius, which only moves with
+/// `fit_tube` with a radius that varies: the profile's control values in place of the one radius, which takes over
 /// their mean where no earlier frame says anything of them.
 std::optional<FitQuality> fit_varying_tube(TubeModel& model, const std::vector<Observation>& observations,
                                            const FitOptions& options);
