@@ -83,11 +83,8 @@ Expected<void> apply_machine(const TrackOptions& options, TrackerConfig& config)
     config.deadline_ms = number_from<double>(options.deadline_ms);
     if (!config.deadline_ms) return malformed("--deadline-ms", options.deadline_ms, "milliseconds, like 20");
   }
-  if (options.map == "plane") {
-    return tl::make_unexpected(
-        Error::usage("--map plane: is not in this version; leave --map out, or say --map image"));
-  }
-  if (!options.map.empty() && options.map != "image") return malformed("--map", options.map, "image");
+  if (!options.map.empty() && options.map != "image" && options.map != "plane")
+    return malformed("--map", options.map, "image or plane");
   return {};
 }
 
@@ -126,7 +123,11 @@ void add_tracker_flags(CLI::App& command, TrackOptions& options) {
       .add_option("--noise", options.noise,
                   "the sensor's noise: kinect1, stereo, tof, synthetic, or a file of `tubetrack calibrate-noise`")
       ->type_name("NAME|FILE");
-  command.add_option("--map", options.map, "the height map's grid: image (the depth pixels)")->type_name("image");
+  command
+      .add_option("--map", options.map,
+                  "the height map's grid: image (the depth pixels); plane (replay only): all frames fused into heights "
+                  "over the largest plane, and the tubes of that map, in one line at the end")
+      ->type_name("image|plane");
   command
       .add_option("--threads", options.threads,
                   "threads to track with (this version uses one whatever is said); results do not depend on it")
