@@ -67,6 +67,8 @@ Expected<double> status_every_from(const std::string& text) {
 }
 
 Expected<int> live(const LiveOptions& options) {
+  if (options.track.map == "plane")
+    return tl::make_unexpected(Error::usage("--map plane: takes a recording; record this and replay it"));
   auto config = tracker_config_from(options.track);
   if (!config) return tl::make_unexpected(config.error());
   if (options.track.print_config) {

@@ -3,7 +3,9 @@
 #include <memory>
 
 #include "commands.hpp"
+#include "flag_values.hpp"
 #include "kept_files.hpp"
+#include "plane_run.hpp"
 #include "track_options.hpp"
 #include "tubetrack/report/config.hpp"
 
@@ -22,13 +24,40 @@ Examples:
   tubetrack replay desk/ > tubes.jsonl
   tubetrack replay desk/ --radius 0.0125 --out tubes.jsonl --overlay pictures/
   tubetrack replay images/ --intrinsics 525,525,319.5,239.5 --depth-scale 0.001
-  tubetrack replay desk/ --frames 100:200 --pace realtime)";
+  tubetrack replay desk/ --frames 100:200 --pace realtime
+  tubetrack replay hoses/ --varying-radius
+  tubetrack replay around/ --map plane --save-heightmap table.png)";
 
 struct ReplayOptions {
-  std::string recording;
+  std::string recording, save_heightmap, cell_size;
   TrackOptions track;
   RecordingFlags reading;
 };
+
+Expected<PlaneRunOptions> plane_options_from(const ReplayOptions& options, const TrackerConfig& config) {
+  PlaneRunOptions plane;
+  const bool asked = options.track.map == "plane";
+  if (!asked && !(options.save_heightmap.empty() && options.cell_size.empty()))
+    return tl::make_unexpected(Error::usage("--save-heightmap, --cell-size: belong to --map plane; give that as well"));
+  if (asked && !options.track.overlay.empty())
+    return tl::make_unexpected(Error::usage("--overlay: is drawn a frame, and --map plane has one result; give one"));
+  if (asked && config.varying_radius)
+    return tl::make_unexpected(Error::usage("--varying-radius: is not looked for with --map plane; give one"));
+  if (!options.cell_size.empty()) {
+    const auto cell_m = number_from<double>(options.cell_size);
+    if (!cell_m || *cell_m < 1e-4 || *cell_m > 0.1)
+      return malformed("--cell-size", options.cell_size, "metres, 0.0001 to 0.1, like 0.002");
+    plane.cell_size_m = *cell_m;
+  }
+  if (!options.save_heightmap.empty() && !options.save_heightmap.ends_with(".png"))
+    return malformed("--save-heightmap", options.save_heightmap, "a name that ends in .png");
+  plane.save_heightmap = options.save_heightmap;
+  plane.out = options.track.out;
+  plane.any_radius = options.track.radius_range.empty() && !config.radius_m;
+  plane.with_timing = !options.track.no_timing;
+  plane.quiet = options.track.quiet;
+  return plane;
+}
 
 Expected<int> replay(const ReplayOptions& options) {
   auto config = config_for_recording(options.track, options.recording);
@@ -37,6 +66,9 @@ Expected<int> replay(const ReplayOptions& options) {
     fmt::print("{}", config_text(*config));
     return 0;
   }
+  const bool plane = options.track.map == "plane";
+  auto plane_options = plane_options_from(options, *config);
+  if (!plane_options) return tl::make_unexpected(plane_options.error());
   auto reading = recording_options_from(options.reading);
   if (!reading) return tl::make_unexpected(reading.error());
   if (options.recording.empty())
@@ -48,6 +80,7 @@ Expected<int> replay(const ReplayOptions& options) {
   if (!options.track.quiet) {
     for (const std::string& note : recording->notes) fmt::print(stderr, "note: {}\n", note);
   }
+  if (plane) return run_plane_map(*recording->source, *config, *plane_options);
   auto tracker = create_tracker(*config, recording->source->info().intrinsics);
   if (!tracker) return tl::make_unexpected(tracker.error());
   RunOptions run = run_options_from(options.track, *config);
@@ -69,6 +102,12 @@ void add_replay(CLI::App& app, int& exit_code) {
           "--pace", options->reading.pace,
           "fast: every frame, as quickly as it goes (default); realtime: as recorded, dropping what is too late")
       ->type_name("fast|realtime");
+  command
+      ->add_option("--save-heightmap", options->save_heightmap,
+                   "with --map plane: write the heights as a 16-bit PNG, and a .json beside it, for `tubetrack scan`")
+      ->type_name("FILE.png");
+  command->add_option("--cell-size", options->cell_size, "with --map plane: metres a cell; if left out, a pixel's size")
+      ->type_name("M");
   add_output_flags(*command, options->track);
   command->callback([options, &exit_code] {
     const auto code = replay(*options);

@@ -3,11 +3,13 @@
 #include <algorithm>
 #include <chrono>
 #include <memory>
+#include <utility>
 
 #include "commands.hpp"
 #include "flag_values.hpp"
 #include "run.hpp"
 #include "scan_outputs.hpp"
+#include "scan_result.hpp"
 #include "tubetrack/replay/scan_surfels.hpp"
 #include "tubetrack/report/result_json.hpp"
 #include "tubetrack/tracker/scan_tubes.hpp"
@@ -18,7 +20,8 @@ namespace {
 
 constexpr const char* kFooter =
     R"(FILE is a mesh (.off .obj .ply .stl), a point cloud (.xyz .txt .ply .pcd), voxels (.vol .mhd .mha .nii .nii.gz) or a
-16-bit height map (.png .pgm .tif .tiff; with --cell-size and --height-scale). Meshes and clouds are taken to be in
+16-bit height map (.png .pgm .tif .tiff; with --cell-size and --height-scale, unless `tubetrack replay --map plane
+--save-heightmap` wrote it: then a .json beside it says them). Meshes and clouds are taken to be in
 millimetres; --unit says otherwise. No other flag is needed: the radius is found. Results are in metres.
 
 The result is one line of JSON (docs/output.schema.json): every tube with its centreline, radius, straight and toric
@@ -147,14 +150,6 @@ Expected<void> write_line(const std::string& line, const std::string& path) {
   return {};
 }
 
-/// Back from where read_scan moved a georeferenced scan to.
-void move_by(TubeFrame& frame, const Eigen::Vector3d& origin_m) {
-  for (Tube& tube : frame.tubes) {
-    for (Eigen::Vector3d& point : tube.centerline_m) point += origin_m;
-    for (Eigen::Vector3d& point : tube.bend_table.xyz_m) point += origin_m;
-  }
-}
-
 Expected<void> run_scan(const ScanFlags& flags) {
   const auto options = scan_options_from(flags);
   if (!options) return tl::make_unexpected(options.error());
@@ -175,16 +170,13 @@ Expected<void> run_scan(const ScanFlags& flags) {
   const std::vector<Surfel> surfels = surfels_of(scan);
   const std::chrono::duration<double> seconds = std::chrono::steady_clock::now() - begin;
   if (!flags.quiet) print_scan(flags, scan, surfels.size(), seconds.count());
-  config.grid_step_m = scan.grid_step_m;
   config.cell_m = step_m;
-  if (flags.radius_range.empty() && !config.radius_m) {
-    const RadiusRange range = default_radius_range(scan, surfels);
-    config.radius_min_m = range.min_m;
-    config.radius_max_m = range.max_m;
+  TubeFrame frame;
+  if (auto found = tubes_of_scan(scan, surfels, config, flags.radius_range.empty() && !config.radius_m)) {
+    frame = std::move(*found);
+  } else {
+    return tl::make_unexpected(found.error());
   }
-  if (auto valid = validate(config); !valid) return valid;
-  TubeFrame frame = find_scan_tubes(surfels, config);
-  move_by(frame, scan.origin_m);
   if (auto written = write_line(result_line(frame, !flags.no_timing), flags.out); !written) return written;
   if (frame.tubes.empty()) {
     return tl::make_unexpected(Error::failed(

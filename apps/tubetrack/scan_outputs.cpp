@@ -31,7 +31,7 @@ SurfaceMesh surface_of_scan(const Scan& scan, std::span<const Surfel> surfels) {
   } else {
     for (const Surfel& surfel : surfels) mesh.points_m.emplace_back(surfel.position_m.cast<double>());
   }
-  for (Eigen::Vector3d& point : mesh.points_m) point += scan.origin_m;
+  for (Eigen::Vector3d& point : mesh.points_m) point = scan.pose * (point + scan.origin_m);
   return mesh;
 }
 

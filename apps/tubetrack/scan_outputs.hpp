@@ -20,8 +20,8 @@ void add_scan_output_flags(CLI::App& command, ScanOutputs& outputs);
 /// `out` is where the JSON line goes, empty: stdout.
 Expected<void> check_scan_outputs(const ScanOutputs& outputs, const std::string& out, const std::string& input);
 
-/// Tubes and scan in metres, in the file's frame but for `scan.origin_m`, which is added. The summary of the error map
-/// goes to stderr. The error names the flag or the file.
+/// Tubes and scan in metres, the scan in the file's frame: `scan.origin_m` and `scan.pose` take it to the tubes'. The
+/// summary of the error map goes to stderr. The error names the flag or the file.
 Expected<void> write_scan_outputs(const ScanOutputs& outputs, const Scan& scan, std::span<const Surfel> surfels,
                                   std::span<const Tube> tubes);
 

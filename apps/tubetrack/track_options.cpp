@@ -36,6 +36,12 @@ Expected<void> apply_radius(const TrackOptions& options, TrackerConfig& config) 
     config.radius_max_m = (*range)[1];
     config.radius_m.reset();
   }
+  if (options.varying_radius) {
+    if (config.radius_m)
+      return tl::make_unexpected(Error::usage(
+          "--varying-radius: a known radius is held; leave --radius (radius_m) out, or give --radius-range"));
+    config.varying_radius = true;
+  }
   return {};
 }
 
@@ -77,11 +83,8 @@ Expected<void> apply_machine(const TrackOptions& options, TrackerConfig& config)
     config.deadline_ms = number_from<double>(options.deadline_ms);
     if (!config.deadline_ms) return malformed("--deadline-ms", options.deadline_ms, "milliseconds, like 20");
   }
-  if (options.map == "plane") {
-    return tl::make_unexpected(
-        Error::usage("--map plane: is not in this version; leave --map out, or say --map image"));
-  }
-  if (!options.map.empty() && options.map != "image") return malformed("--map", options.map, "image");
+  if (!options.map.empty() && options.map != "image" && options.map != "plane")
+    return malformed("--map", options.map, "image or plane");
   return {};
 }
 
@@ -111,6 +114,8 @@ void add_tracker_flags(CLI::App& command, TrackOptions& options) {
       ->type_name("M");
   command.add_option("--radius-range", options.radius_range, "look for radii in this range only, in metres")
       ->type_name("MIN:MAX");
+  command.add_flag("--varying-radius", options.varying_radius,
+                   "let the radius vary along a tube, as a hose's or a branch's does: node_radius_m in the results");
   command.add_option("--depth-range", options.depth_range, "ignore what is nearer or farther, in metres")
       ->type_name("MIN:MAX");
   command.add_option("--roi", options.roi, "look only at this part of the image, in pixels")->type_name("U,V,W,H");
@@ -118,7 +123,11 @@ void add_tracker_flags(CLI::App& command, TrackOptions& options) {
       .add_option("--noise", options.noise,
                   "the sensor's noise: kinect1, stereo, tof, synthetic, or a file of `tubetrack calibrate-noise`")
       ->type_name("NAME|FILE");
-  command.add_option("--map", options.map, "the height map's grid: image (the depth pixels)")->type_name("image");
+  command
+      .add_option("--map", options.map,
+                  "the height map's grid: image (the depth pixels); plane (replay only): all frames fused into heights "
+                  "over the largest plane, and the tubes of that map, in one line at the end")
+      ->type_name("image|plane");
   command
       .add_option("--threads", options.threads,
                   "threads that share the work on each frame, 1 to 16 (default: 1); results do not depend on it")

@@ -14,10 +14,11 @@ namespace tubetrack {
 struct TrackOptions {
   std::string radius, radius_range, config, threads, map, noise, depth_range, roi, deadline_ms;
   std::string out, overlay;
-  bool view = false, no_timing = false, strict = false, quiet = false, print_config = false;
+  bool varying_radius = false, view = false, no_timing = false, strict = false, quiet = false, print_config = false;
 };
 
-/// Flags about what is tracked: --radius, --radius-range, --config, --threads, --map, --noise, --depth-range, --roi,
+/// Flags about what is tracked: --radius, --radius-range, --varying-radius, --config, --threads, --map, --noise,
+/// --depth-range, --roi,
 /// --print-config.
 void add_tracker_flags(CLI::App& command, TrackOptions& options);
 /// Flags about what comes out: --out, --overlay, --view, --no-timing, --strict, --quiet.

@@ -93,18 +93,21 @@ TruthFrame truth_of(const Scene& scene, int frame, const Returns& returns) {
     const Eigen::Isometry3d now = motion_at(tube.motion, truth.timestamp_s);
     TrueTube out;
     out.id = static_cast<std::int64_t>(i) + 1;
-    out.radius_m = tube.radius_m;
+    out.radius_m = mean_radius_m(tube);
     out.length_m = total_length_m(parts);
     for (const TubePart& part : tube.parts) {
       if (part.type != TubePart::Type::arc) continue;
       out.bends.push_back({part.bend_radius_m, part.angle_rad, out.bends.empty() ? 0.0 : part.rotation_rad});
     }
     for (const CenterlinePoint& sample : sample_centerline(parts, kSampleStep_m)) {
+      const auto before = static_cast<double>(out.centerline_m.size());
+      const double radius_m = radius_along_m(tube, std::min(before * kSampleStep_m, out.length_m));
+      if (!tube.radius_profile.empty()) out.node_radius_m.push_back(radius_m);
       const Eigen::Vector3d position = now * sample.position_m;
       const CenterlinePoint in_camera{camera_from_world * position,
                                       camera_from_world.linear() * now.linear() * sample.tangent};
       out.centerline_m.push_back(position);
-      out.visible.push_back(sample_visible(in_camera, tube.radius_m, static_cast<int>(i), scene.camera, returns));
+      out.visible.push_back(sample_visible(in_camera, radius_m, static_cast<int>(i), scene.camera, returns));
     }
     truth.tubes.push_back(std::move(out));
   }

@@ -186,12 +186,7 @@ Scan read_any(const std::filesystem::path& path, const ScanOptions& options) {
   }
   for (const std::string_view extension : kImageExtensions) {
     if (!name.ends_with(extension)) continue;
-    Scan scan;
-    scan.kind = ScanKind::height_map;
-    scan.heights = read_height_image(path, options);
-    scan.metres_per_unit = options.height_scale_m.value_or(0.0);  // read_height_image takes no image without
-    scan.grid_step_m = default_grid_step_m(scan);
-    return scan;
+    return read_height_image(path, options);
   }
   throw ScanRefusal{
       fmt::format("extension {}: takes a mesh (.off .obj .ply .stl), a cloud (.xyz .txt .ply .pcd), voxels "

@@ -41,7 +41,7 @@ RawSurface read_pcd(std::string_view bytes);
 RawVolume read_vol(const std::filesystem::path& path, const ScanOptions& options);
 RawVolume read_mhd(const std::filesystem::path& path, const ScanOptions& options);
 RawVolume read_nifti(const std::filesystem::path& path, const ScanOptions& options);
-HeightGrid read_height_image(const std::filesystem::path& path, const ScanOptions& options);
+Scan read_height_image(const std::filesystem::path& path, const ScanOptions& options);
 
 /// Adds a polygon's triangles. Throws ScanRefusal when a corner is none of the surface's points; `what` and `number`
 /// are for the message ("line 12"). Fewer than three corners add nothing.

@@ -108,10 +108,22 @@ TubePart read_part(const Field& in) {
   return part;
 }
 
+RadiusKey read_radius(const Field& in) {
+  in.expect_keys({"at_m", "radius_m"});
+  return {in.child("at_m").number(), in.child("radius_m").number()};
+}
+
 SceneTube read_tube(const Field& in) {
-  in.expect_keys({"radius_m", "start_m", "direction", "bend_direction", "parts", "motion"});
+  in.expect_keys({"radius_m", "radius_profile", "start_m", "direction", "bend_direction", "parts", "motion"});
   SceneTube tube;
-  tube.radius_m = in.child("radius_m").number();
+  if (in.has("radius_profile")) {
+    if (in.has("radius_m")) refuse(fmt::format("{}: is given beside radius_profile; give one", in.name_of("radius_m")));
+    const Field keys = in.child("radius_profile");
+    for (std::size_t i = 0; i < keys.array_size(); ++i) tube.radius_profile.push_back(read_radius(keys.element(i)));
+    if (tube.radius_profile.empty()) refuse(fmt::format("{}: is empty, takes a key or more", keys.path));
+  } else {
+    tube.radius_m = in.child("radius_m").number();
+  }
   tube.start_m = in.child("start_m").numbers<3>();
   tube.direction = in.child("direction").numbers<3>();
   // A tube without bends needs no bend direction; any across it does.

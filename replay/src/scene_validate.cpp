@@ -5,6 +5,7 @@
 #include <optional>
 
 #include "tubetrack/replay/synthetic_scene.hpp"
+#include "tubetrack/replay/tube_path.hpp"
 
 namespace tubetrack {
 
@@ -52,8 +53,23 @@ Problem tube_part(const std::string& field, const TubePart& part, double radius_
   return {};
 }
 
+Problem radius_profile(const std::string& field, const std::vector<RadiusKey>& keys) {
+  for (std::size_t i = 0; i < keys.size(); ++i) {
+    const std::string key = fmt::format("{}[{}]", field, i);
+    if (auto problem = length(key + ".radius_m", keys[i].radius_m)) return problem;
+    if (!std::isfinite(keys[i].at_m)) return refusal(key + ".at_m", keys[i].at_m, "metres along the tube");
+    if (i > 0 && keys[i].at_m <= keys[i - 1].at_m)
+      return refusal(key + ".at_m", keys[i].at_m, "more than the key before");
+  }
+  return {};
+}
+
 Problem scene_tube(const std::string& field, const SceneTube& tube) {
-  if (auto problem = length(field + ".radius_m", tube.radius_m)) return problem;
+  if (tube.radius_profile.empty()) {
+    if (auto problem = length(field + ".radius_m", tube.radius_m)) return problem;
+  } else if (auto problem = radius_profile(field + ".radius_profile", tube.radius_profile)) {
+    return problem;
+  }
   if (auto problem = finite(field + ".start_m", tube.start_m)) return problem;
   if (auto problem = direction(field + ".direction", tube.direction)) return problem;
   if (auto problem = direction(field + ".bend_direction", tube.bend_direction)) return problem;
@@ -62,7 +78,8 @@ Problem scene_tube(const std::string& field, const SceneTube& tube) {
   }
   if (tube.parts.empty()) return fmt::format("{}.parts: is empty, takes at least one straight or arc", field);
   for (std::size_t i = 0; i < tube.parts.size(); ++i) {
-    if (auto problem = tube_part(fmt::format("{}.parts[{}]", field, i), tube.parts[i], tube.radius_m)) return problem;
+    if (auto problem = tube_part(fmt::format("{}.parts[{}]", field, i), tube.parts[i], largest_radius_m(tube)))
+      return problem;
   }
   return motion(field + ".motion", tube.motion);
 }

@@ -1,5 +1,6 @@
 #include "tubetrack/replay/tube_path.hpp"
 
+#include <algorithm>
 #include <cmath>
 
 namespace tubetrack {
@@ -38,6 +39,30 @@ CenterlinePoint point_on_part(const PlacedPart& part, double along_m) {
   const double angle = along_m / part.bend_radius_m;
   const Eigen::Vector3d offset = std::sin(angle) * part.tangent + (1.0 - std::cos(angle)) * part.towards;
   return {part.start_m + part.bend_radius_m * offset, std::cos(angle) * part.tangent + std::sin(angle) * part.towards};
+}
+
+double radius_along_m(const SceneTube& tube, double along_m) {
+  const std::vector<RadiusKey>& keys = tube.radius_profile;
+  if (keys.empty()) return tube.radius_m;
+  const auto after = std::find_if(keys.begin(), keys.end(), [&](const RadiusKey& key) { return key.at_m > along_m; });
+  if (after == keys.begin()) return keys.front().radius_m;
+  if (after == keys.end()) return keys.back().radius_m;
+  const RadiusKey& before = after[-1];
+  return before.radius_m + (after->radius_m - before.radius_m) * (along_m - before.at_m) / (after->at_m - before.at_m);
+}
+
+double largest_radius_m(const SceneTube& tube) {
+  if (tube.radius_profile.empty()) return tube.radius_m;
+  return std::ranges::max(tube.radius_profile, {}, &RadiusKey::radius_m).radius_m;
+}
+
+double mean_radius_m(const SceneTube& tube) {
+  if (tube.radius_profile.empty()) return tube.radius_m;
+  constexpr int kSteps = 1000;
+  const double length_m = total_length_m(place_parts(tube));
+  double sum_m = 0.0;
+  for (int i = 0; i < kSteps; ++i) sum_m += radius_along_m(tube, length_m * (i + 0.5) / kSteps);
+  return sum_m / kSteps;
 }
 
 double total_length_m(const std::vector<PlacedPart>& parts) {

@@ -22,6 +22,11 @@ TrueTube parse_tube(const Json& json) {
     if (point.size() != 3) throw std::invalid_argument("centerline_m: a point takes 3 numbers");
     tube.centerline_m.emplace_back(xyz[0], xyz[1], xyz[2]);
   }
+  tube.node_radius_m = json.value("node_radius_m", std::vector<double>());
+  if (!tube.node_radius_m.empty() && tube.node_radius_m.size() != tube.centerline_m.size()) {
+    throw std::invalid_argument(fmt::format("node_radius_m: got {} entries for {} points of centerline_m",
+                                            tube.node_radius_m.size(), tube.centerline_m.size()));
+  }
   // Recordings made before bends were written have none.
   for (const Json& bend : json.value("bends", Json::array())) {
     tube.bends.push_back({bend.at("bend_radius_m"), bend.at("angle_rad"), bend.at("rotation_rad")});
@@ -77,12 +82,15 @@ std::string truth_json(const TruthFrame& truth) {
       bends.push_back(
           {{"bend_radius_m", bend.bend_radius_m}, {"angle_rad", bend.angle_rad}, {"rotation_rad", bend.rotation_rad}});
     }
+    Json radii = Json::array();
+    for (const double radius_m : tube.node_radius_m) radii.push_back(micrometres(radius_m));
     json["tubes"].push_back({{"id", tube.id},
                              {"radius_m", tube.radius_m},
                              {"length_m", tube.length_m},
                              {"centerline_m", std::move(points)},
                              {"bends", std::move(bends)},
                              {"visible", tube.visible}});
+    if (!tube.node_radius_m.empty()) json["tubes"].back()["node_radius_m"] = std::move(radii);
   }
   return json.dump();
 }

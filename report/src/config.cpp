@@ -37,12 +37,13 @@ void visit_noise(Model& model, Visit&& visit) {
 
 template <class Config, class Visit>
 void visit_config(Config& config, Visit&& visit) {
-  auto& [radius_min_m, radius_max_m, radius_m, depth_min_m, depth_max_m, roi_u_px, roi_v_px, roi_width_px,
-         roi_height_px, min_length_radii, min_length_m, min_width_px, min_bend_radii, cell_m, threads, deadline_ms,
-         noise] = config;
+  auto& [radius_min_m, radius_max_m, radius_m, varying_radius, depth_min_m, depth_max_m, roi_u_px, roi_v_px,
+         roi_width_px, roi_height_px, min_length_radii, min_length_m, min_width_px, min_bend_radii, cell_m, threads,
+         deadline_ms, noise] = config;
   visit("radius_min_m", radius_min_m);
   visit("radius_max_m", radius_max_m);
   visit("radius_m", radius_m);
+  visit("varying_radius", varying_radius);
   visit("depth_min_m", depth_min_m);
   visit("depth_max_m", depth_max_m);
   visit("roi_u_px", roi_u_px);
@@ -100,6 +101,11 @@ void read_value(const Json& json, const std::string& key, int& value) {
     throw Refusal{fmt::format("{}: got {}, takes a whole number", key, json.dump())};
   }
   value = json.get<int>();
+}
+
+void read_value(const Json& json, const std::string& key, bool& value) {
+  if (!json.is_boolean()) throw Refusal{fmt::format("{}: got {}, takes true or false", key, json.dump())};
+  value = json.get<bool>();
 }
 
 void read_value(const Json& json, const std::string& key, std::string& value) {

@@ -110,6 +110,7 @@ Json tube_json(const Tube& tube) {
                                           three_digits(c(1, 1)), three_digits(c(1, 2)), three_digits(c(2, 2))});
   }
   for (const double radius : tube.node_radius_m) json["node_radius_m"].push_back(micro(radius));
+  for (const double sigma : tube.node_radius_sigma_m) json["node_radius_sigma_m"].push_back(three_digits(sigma));
   if (tube.closed) json["closed"] = true;
   json["segments"] = Json::array();
   for (const Segment& segment : tube.segments) json["segments"].push_back(segment_json(segment));
@@ -163,6 +164,7 @@ Tube tube_from(const Json& json) {
   tube.node_visible = json.at("node_visible").get<std::vector<bool>>();
   tube.closed = json.value("closed", false);
   tube.node_radius_m = json.value("node_radius_m", std::vector<double>());
+  tube.node_radius_sigma_m = json.value("node_radius_sigma_m", std::vector<double>());
   for (const Json& c : json.at("node_covariance_m2")) {
     const auto v = c.get<std::array<double, 6>>();
     tube.node_covariance_m2.emplace_back(

@@ -56,6 +56,35 @@ TEST_F(Replay, WritesOneLineAFrameToStdoutAndTheSummaryToStderr) {
   EXPECT_EQ(end.err.find('\r'), std::string::npos) << "no bar where stderr is no terminal";
 }
 
+TEST_F(Replay, PlaneMapAndAScanOfItsHeightMapGiveTheSameTubes) {
+  const std::string scene = recording_.path().string(), image = (output_ / "table.png").string();
+  ASSERT_EQ(run({"synth", "moving-camera", scene, "--frames", "20"}).exit_code, 0);
+  const ProgramEnd fused = replay({"--map", "plane", "--save-heightmap", image, "--no-timing"});
+  ASSERT_EQ(fused.exit_code, 0) << fused.err;
+  ASSERT_THAT(fused.out_lines(), SizeIs(1));
+  EXPECT_EQ(schema_complaints(fused.out_lines(), output_.path()), "");
+  const ProgramEnd scanned = run({"scan", image, "--no-timing"});
+  ASSERT_EQ(scanned.exit_code, 0) << scanned.err;
+  const auto whole = parse_result_line(fused.out_lines()[0]);
+  const auto again = parse_result_line(scanned.out_lines().at(0));
+  ASSERT_TRUE(whole && again);
+  EXPECT_EQ(whole->frame, 19);
+  EXPECT_EQ(whole->frame_id, "world");
+  ASSERT_EQ(whole->tubes.size(), again->tubes.size());
+  ASSERT_FALSE(whole->tubes.empty());
+  for (std::size_t i = 0; i < whole->tubes.size(); ++i) {
+    EXPECT_NEAR(whole->tubes[i].radius_m, again->tubes[i].radius_m, 1e-6);
+    ASSERT_EQ(whole->tubes[i].centerline_m.size(), again->tubes[i].centerline_m.size());
+    for (std::size_t k = 0; k < whole->tubes[i].centerline_m.size(); ++k)
+      EXPECT_LT((whole->tubes[i].centerline_m[k] - again->tubes[i].centerline_m[k]).norm(), 3e-6);
+  }
+}
+
+TEST_F(Replay, PlaneMapOfFramesWithoutAPlaneSaysSo) {
+  make_recording();
+  expect_refused(replay({"--map", "plane"}), 1, {"--map plane", "no plane"});
+}
+
 TEST_F(Replay, QuietSaysNothing) {
   make_recording();
   EXPECT_EQ(replay({"--quiet"}).err, "");
@@ -325,8 +354,11 @@ INSTANTIATE_TEST_SUITE_P(
         BadFlag{"ThreadsTooMany", {"--threads", "1000"}, {"--threads 1000", "1 to 16"}},
         BadFlag{"Noise", {"--noise", "kinect9"}, {"--noise kinect9: takes kinect1, stereo, tof"}},
         BadFlag{"NoiseFile", {"--noise", "/nowhere/n.json"}, {"--noise /nowhere/n.json: cannot be read"}},
-        BadFlag{"MapPlane", {"--map", "plane"}, {"--map plane: is not in this version"}},
-        BadFlag{"Map", {"--map", "round"}, {"--map round: takes image"}},
+        BadFlag{"SaveHeightmap", {"--save-heightmap", "a.png"}, {"--save-heightmap", "--map plane"}},
+        BadFlag{"HeightmapName", {"--map", "plane", "--save-heightmap", "a.tif"}, {"ends in .png"}},
+        BadFlag{"CellSize", {"--map", "plane", "--cell-size", "2"}, {"--cell-size 2: takes metres, 0.0001 to 0.1"}},
+        BadFlag{"VaryingRadius", {"--varying-radius", "--radius", "0.02"}, {"--varying-radius", "--radius-range"}},
+        BadFlag{"Map", {"--map", "round"}, {"--map round: takes image or plane"}},
         BadFlag{"Pace", {"--pace", "slow"}, {"--pace slow: takes fast or realtime"}},
         BadFlag{"Frames", {"--frames", "5"}, {"--frames 5: takes A:B"}},
         BadFlag{"FramesReversed", {"--frames", "5:3"}, {"--frames 5:3: takes A:B"}},

@@ -49,6 +49,11 @@ TEST(SceneFile, ErrorsNameTheField) {
       {with_tube(R"({"radius_m": 0.02})"), "tubes[0].start_m: is missing"},
       {with_tube(R"({"radius_m": -0.02, )" + straight + R"("length_m": 1}]})"), "tubes[0].radius_m: got -0.02, takes"},
       {with_tube(R"({"radius_m": 0.02, )" + straight + R"("length_m": 0}]})"), "tubes[0].parts[0].length_m: got 0"},
+      {with_tube(R"({"radius_m": 0.02, "radius_profile": [], )" + straight + R"("length_m": 1}]})"),
+       "tubes[0].radius_m: is given beside radius_profile"},
+      {with_tube(R"({"radius_profile": [{"at_m": 0.1, "radius_m": 0.02}, {"at_m": 0.1, "radius_m": 0.01}], )" +
+                 straight + R"("length_m": 1}]})"),
+       "tubes[0].radius_profile[1].at_m: got 0.1, takes more than the key before"},
       {with_tube(R"({"radius_m": 0.02, )" + straight + R"("length": 1}]})"), "tubes[0].parts[0].length: unknown key"},
       {with_tube(R"({"radius_m": 0.02, )" + straight + R"("length_m": 1, "angle_rad": 1}]})"),
        "tubes[0].parts[0].angle_rad: unknown key, takes type, length_m"},

@@ -47,6 +47,15 @@ TEST(Config, WrittenAndReadAgainIsTheSame) {
   EXPECT_EQ(again->noise.name, "tof");
 }
 
+TEST(Config, AVaryingRadiusIsReadAndRefusedBesideAKnownRadius) {
+  const auto config = parse_config(R"({"varying_radius": true})", "a.json");
+  ASSERT_TRUE(config) << config.error().message;
+  EXPECT_TRUE(config->varying_radius);
+  EXPECT_TRUE(parse_config(config_text(*config), "a.json")->varying_radius);
+  EXPECT_THAT(refusal(R"({"varying_radius": 1})"), HasSubstr("varying_radius: got 1, takes true or false"));
+  EXPECT_THAT(refusal(R"({"varying_radius": true, "radius_m": 0.02})"), HasSubstr("varying_radius: got true"));
+}
+
 TEST(Config, AnUnknownKeyIsRefusedWithTheNearestAndAllKnown) {
   EXPECT_THAT(refusal(R"({"radius": 0.02})"),
               AllOf(HasSubstr("radius: unknown key, did you mean radius_m?"), HasSubstr("depth_min_m, depth_max_m")));

@@ -86,17 +86,21 @@ TEST(ResultLine, EveryStateHiddenNodesAndAVaryingRadiusHoldAgainstTheSchemaAndRe
       frame.tubes[0].state = state;
       frame.tubes[0].node_visible = {false, false};
       if (varying) frame.tubes[0].node_radius_m = {0.0200998, 0.0187};
+      if (varying) frame.tubes[0].node_radius_sigma_m = {0.000123, 0.0002};
       lines.push_back(result_line(frame, true));
       const auto again = parse_result_line(lines.back());
       ASSERT_TRUE(again) << again.error().message;
       EXPECT_EQ(again->tubes[0].state, state);
       EXPECT_EQ(again->tubes[0].node_radius_m, varying ? std::vector<double>({0.0201, 0.0187}) : std::vector<double>());
+      EXPECT_EQ(again->tubes[0].node_radius_sigma_m, frame.tubes[0].node_radius_sigma_m);
       EXPECT_EQ(result_line(*again, true), lines.back());
     }
   }
-  EXPECT_THAT(lines[0], Not(HasSubstr("node_radius_m")));
-  EXPECT_THAT(lines[3], AllOf(HasSubstr(R"("state":"occluded")"), HasSubstr(R"("node_visible":[false,false])"),
-                              HasSubstr(R"("node_radius_m":[0.0201,0.0187],"segments")")));
+  EXPECT_THAT(lines[0], Not(HasSubstr("node_radius")));
+  EXPECT_THAT(
+      lines[3],
+      AllOf(HasSubstr(R"("state":"occluded")"), HasSubstr(R"("node_visible":[false,false])"),
+            HasSubstr(R"("node_radius_m":[0.0201,0.0187],"node_radius_sigma_m":[0.000123,0.0002],"segments")")));
   const TemporaryFolder folder;
   EXPECT_EQ(schema_complaints(lines, folder.path()), "");
 }

@@ -47,7 +47,8 @@ double distance_m(const std::vector<Eigen::Vector3d>& from, const std::vector<Ei
 std::optional<double> way_back_m(const FollowedTube& missing, const FoundTube& found, double timestamp_s) {
   const double sigma = std::hypot(missing.quality.radius_sigma_m, found.quality.radius_sigma_m);
   const double off = std::abs(missing.model.radius_m - found.model.radius_m);
-  if (off > 4.0 * sigma + 0.05 * missing.model.radius_m) return std::nullopt;
+  const double varies_m = std::max(spread_m(missing.model.profile), spread_m(found.model.profile));
+  if (off > 4.0 * sigma + 0.05 * missing.model.radius_m + varies_m) return std::nullopt;
   const auto old_line = samples_of(missing.model, missing.extent);
   const auto new_line = samples_of(found.model, found.extent);
   // A part of a tube is that tube: the shorter line decides.
@@ -133,7 +134,8 @@ void come_back(FollowedTube& tube, FoundTube found, const HeightMap& map, const 
   go_on_from(tube, std::move(found), map, config, timestamp_s);
   // The radius known from before counts on, at rest and in motion.
   const double sum = tube.radius_information + radius_information;
-  if (radius_information > 0.0 && tube.radius_information > 0.0) {
+  const bool one_radius = tube.model.profile.offset_m.empty();
+  if (one_radius && radius_information > 0.0 && tube.radius_information > 0.0) {
     tube.model.radius_m = (tube.radius_information * tube.model.radius_m + radius_information * radius_m) / sum;
     tube.radius_information = sum;
     const Eigen::Index last = tube.pooled.vector.size() - 1;

@@ -271,6 +271,7 @@ void look_beside(const HeightMap& map, const NoiseModel& noise, const TubeModel&
                  Evidence& evidence) {
   TubeModel wide = model;
   wide.radius_m = kRingBorders.back() * model.radius_m;
+  for (double& offset_m : wide.profile.offset_m) offset_m *= kRingBorders.back();
   // Medians of many pixels: of a wide tube, every so manieth will do.
   const int stride = std::clamp(static_cast<int>(evidence.width_px / 12.0), 1, 4);
   const std::vector<PredictedPixel> pixels = predict_pixels(map, noise, wide, stride);

@@ -7,6 +7,7 @@
 #include "band_solver.hpp"
 #include "fit_steps.hpp"
 #include "normal_equations.hpp"
+#include "varying_fit.hpp"
 
 namespace tubetrack {
 
@@ -55,6 +56,8 @@ std::optional<FitQuality> take_step(TubeModel& model, ObservedEquations observed
 
 std::optional<FitQuality> fit_tube(TubeModel& model, const SortedObservations& observations,
                                    const FitOptions& options) {
+  if (options.varying_radius && !options.radius_m && options.suppleness >= 1.0)
+    return fit_varying_tube(model, observations, options);
   if (options.radius_m) model.radius_m = *options.radius_m;
   if (observations.count < 20) return std::nullopt;
   FitOptions before_last = options;

@@ -26,6 +26,7 @@ constexpr double kStale = 0.02;   // radii: so far a model may have moved from t
 FitOptions fit_options(const TrackerConfig& config, const FollowedTube& tube, const Information* prior) {
   FitOptions options;
   options.radius_m = config.radius_m ? config.radius_m : tube.held_radius_m;
+  options.varying_radius = config.varying_radius;
   options.radius_min_m = 0.5 * config.radius_min_m;
   options.radius_max_m = 1.5 * config.radius_max_m;
   options.prior = prior;
@@ -44,6 +45,7 @@ void predict(FollowedTube& tube, const HeightMap& map, const TrackerConfig& conf
 /// which it is found again.
 struct View {
   ObservedEquations near, all;
+  SortedObservations readings;  ///< those near it, where the radius may vary
 };
 
 /// Of the stretch that is known, short of its ends: what lies there may be the end's own face, or what it touches. A
@@ -56,7 +58,8 @@ View view_of(const FollowedTube& tube, const HeightMap& map, const TrackerConfig
   observe(map, config.noise, model.spline, tube.pixels, gates, {tube.extent.t_begin + trim, tube.extent.t_end - trim},
           sighting);
   const bool free_radius = !fit_options(config, tube, nullptr).radius_m;
-  View view{observed_equations(model, sighting.near, free_radius), {}};
+  View view{observed_equations(model, sighting.near, free_radius), {}, {}};
+  if (config.varying_radius) view.readings = sighting.near;
   if (far_radii <= near_radii) return view;
   view.all = observed_equations(model, sighting.far, free_radius);
   view.all += view.near;
@@ -72,10 +75,11 @@ std::optional<MotionEstimate> motion_seen(const FollowedTube& tube, const TubeMo
 /// How far a step took what is in sight.
 double moved_m(const TubeModel& from, const TubeModel& to, const Extent& extent) {
   constexpr double kSteps = 16;
-  double farthest = std::abs(to.radius_m - from.radius_m);
+  double farthest = 0.0;
   for (double i = 0; i <= kSteps; ++i) {
     const double t = extent.t_begin + (extent.t_end - extent.t_begin) * i / kSteps;
-    farthest = std::max(farthest, (point_at(to.spline, t) - point_at(from.spline, t)).norm());
+    farthest = std::max({farthest, std::abs(radius_at(to, t) - radius_at(from, t)),
+                         (point_at(to.spline, t) - point_at(from.spline, t)).norm()});
   }
   return farthest;
 }
@@ -130,10 +134,14 @@ void judge_rest(FollowedTube& tube, const HeightMap& map, const TrackerConfig& c
 
 /// One step from a model that is near.
 bool fit_once(FollowedTube& tube, const TrackerConfig& config, TubeModel& model, View view, const Information& prior,
-              bool want_covariance) {
+              const ProfileInformation* profile_prior, bool want_covariance) {
   FitOptions options = fit_options(config, tube, &prior);
   options.want_covariance = want_covariance;
-  auto quality = take_step(model, std::move(view.near), options);
+  options.profile_prior = profile_prior;
+  options.prior_has_places = tube.at_rest;
+  options.gauss_newton_steps = 1;
+  auto quality = options.varying_radius && !options.radius_m ? fit_tube(model, view.readings, options)
+                                                             : take_step(model, std::move(view.near), options);
   if (!quality) return false;
   const double radius_sigma_m = tube.quality.radius_sigma_m;
   tube.quality = std::move(*quality);
@@ -153,9 +161,10 @@ void take_model(FollowedTube& tube, TubeModel model, const TrackerConfig& config
 bool fit_to_frame(FollowedTube& tube, const HeightMap& map, const TrackerConfig& config, TubeModel model) {
   const Information nothing = no_information(model);
   predict(tube, map, config, model);
-  if (!fit_once(tube, config, model, view_of(tube, map, config, model, 0.2, 0.2), nothing, false)) return false;
+  if (!fit_once(tube, config, model, view_of(tube, map, config, model, 0.2, 0.2), nothing, nullptr, false))
+    return false;
   predict(tube, map, config, model);
-  if (!fit_once(tube, config, model, view_of(tube, map, config, model, kFitGate, kFitGate), nothing, true))
+  if (!fit_once(tube, config, model, view_of(tube, map, config, model, kFitGate, kFitGate), nothing, nullptr, true))
     return false;
   take_model(tube, std::move(model), config);
   return true;
@@ -223,6 +232,8 @@ void pool_first_frame(FollowedTube& tube) {
   start_pool(tube);
   tube.pooled = no_information(tube.model);  // the radius is in what was observed
   add_to_pool(tube);
+  tube.profile_pool = {};
+  add_to_profile_pool(tube);
 }
 
 /// The tube as it is before a frame, but for what that replaces or leaves alone in any case, which is large.
@@ -277,12 +288,19 @@ void pool_without_ends(FollowedTube& tube, const HeightMap& map, const TrackerCo
   if (length_m(tube) <= 8.0 * tube.model.radius_m) return;
   FollowedTube without = tube;
   if (!fit_to_frame(without, map, config, tube.model)) return;
-  tube.quality.observed = std::move(without.quality.observed);
   // Where the ends tell much of the radius, that they bend the line costs less than leaving them out.
   const bool costs_little = without.quality.radius_sigma_m <= 1.1 * tube.quality.radius_sigma_m;
   if (costs_little && shows_a_face(tube)) {
     tube.model = std::move(without.model);
     tube.quality = std::move(without.quality);
+    pool_first_frame(tube);
+    return;
+  }
+  tube.quality.observed = std::move(without.quality.observed);
+  tube.quality.profile = std::move(without.quality.profile);
+  if (!tube.model.profile.offset_m.empty()) {
+    tube.model.radius_m = without.model.radius_m;
+    tube.model.profile = std::move(without.model.profile);
   }
   pool_first_frame(tube);
 }
@@ -299,7 +317,8 @@ void follow_tube(FollowedTube& tube, const HeightMap& map, const TrackerConfig& 
   bool fitted = judge_motion(tube, map, config, model, elapsed_s, view);
   if (fitted) {
     const TubeModel predicted = model;
-    fitted = fit_once(tube, config, model, std::move(view), tube.at_rest ? tube.pooled : radius_only(tube), true);
+    fitted = fit_once(tube, config, model, std::move(view), tube.at_rest ? tube.pooled : radius_only(tube),
+                      tube.at_rest ? &tube.profile_pool : nullptr, true);
     if (fitted) take_model(tube, std::move(model), config);
     if (fitted && moved_m(predicted, tube.model, tube.extent) > kStale * tube.model.radius_m)
       predict(tube, map, config, tube.model);
@@ -322,6 +341,7 @@ void follow_tube(FollowedTube& tube, const HeightMap& map, const TrackerConfig& 
   } else {
     judge_rest(tube, map, config);
   }
+  add_to_profile_pool(tube);
 }
 
 }  // namespace tubetrack

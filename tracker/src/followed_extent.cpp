@@ -103,6 +103,7 @@ void fit_spline_to_extent(FollowedTube& tube) {
   }
   while (q.size() > 6 && tube.extent.t_begin > 2.5) {
     q.erase(q.begin());
+    ++tube.model.spline.first_span;
     --front;
     tube.extent.t_begin -= 1.0;
     tube.extent.t_end -= 1.0;

@@ -48,7 +48,10 @@ void cut_to(Spline& spline, const Extent& extent) {
   auto& q = spline.control_m;
   const double back_spare = spline.spans() - extent.t_end;
   for (int i = 0; i <= static_cast<int>(back_spare) && q.size() > 5; ++i) q.pop_back();
-  for (int i = 0; i <= static_cast<int>(extent.t_begin) && q.size() > 5; ++i) q.erase(q.begin());
+  for (int i = 0; i <= static_cast<int>(extent.t_begin) && q.size() > 5; ++i) {
+    q.erase(q.begin());
+    ++spline.first_span;
+  }
 }
 
 /// Goes straight on beyond what is confirmed, one to two spans: a bend that the fit carried past the confirmed part
@@ -150,6 +153,7 @@ std::optional<FoundTube> grow_until_settled(const HeightMap& map, const TrackerC
   found.model = std::move(model);
   FitOptions options;
   options.radius_m = config.radius_m;
+  options.varying_radius = config.varying_radius;
   options.radius_min_m = 0.5 * config.radius_min_m;
   options.radius_max_m = 1.5 * config.radius_max_m;
   std::vector<Station> stations;

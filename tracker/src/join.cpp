@@ -3,6 +3,7 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 namespace tubetrack {
 
@@ -52,9 +53,19 @@ std::vector<Eigen::Vector3d> one_line(const FoundTube& a, const FoundTube& b) {
   return best;
 }
 
+/// Where the radius varies, at the two of their ends where it differs least.
+double radius_difference_m(const FoundTube& a, const FoundTube& b) {
+  double least = std::numeric_limits<double>::infinity();
+  for (const double t : {a.extent.t_begin, a.extent.t_end}) {
+    for (const double s : {b.extent.t_begin, b.extent.t_end})
+      least = std::min(least, std::abs(radius_at(a.model, t) - radius_at(b.model, s)));
+  }
+  return least;
+}
+
 bool like_radii(const FoundTube& a, const FoundTube& b) {
   const double sigma = std::hypot(a.quality.radius_sigma_m, b.quality.radius_sigma_m);
-  return std::abs(a.model.radius_m - b.model.radius_m) < 4.0 * sigma + 0.04 * a.model.radius_m;
+  return radius_difference_m(a, b) < 4.0 * sigma + 0.04 * a.model.radius_m;
 }
 
 /// Does the camera look through where the tube should be, or see something flat there?
@@ -79,6 +90,7 @@ std::optional<FoundTube> join_pieces(const HeightMap& map, const TrackerConfig& 
                   a_longer ? a.model.radius_m : b.model.radius_m};
   FitOptions options;
   options.radius_m = config.radius_m;
+  options.varying_radius = config.varying_radius;
   options.radius_min_m = 0.5 * config.radius_min_m;
   options.radius_max_m = 1.5 * config.radius_max_m;
   const Extent all{1.0 - 1e-9, joined.model.spline.spans() - 1.0 + 1e-9};

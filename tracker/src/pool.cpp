@@ -4,6 +4,7 @@
 
 #include "drift.hpp"
 #include "motion.hpp"
+#include "varying_fit.hpp"
 
 namespace tubetrack {
 
@@ -66,6 +67,22 @@ void add_to_pool(FollowedTube& tube) {
   tube.pooled.matrix += observed.matrix;
   tube.pooled.vector += observed.vector;
   add_frame(tube.drift, observed);
+}
+
+void add_to_profile_pool(FollowedTube& tube) {
+  const ProfileInformation& seen = tube.quality.profile;
+  if (seen.values.vector.size() == 0) return;
+  ProfileInformation& pool = tube.profile_pool;
+  if (!tube.at_rest) {
+    pool = {};
+    return;
+  }
+  pool.values = placed(pool, seen.first, seen.values.vector.size());
+  pool.first = seen.first;
+  constexpr double kFactor = 1.0 - 1.0 / kMaxPooledFrames;
+  const double doubt = std::max(1.0, tube.quality.chi2_per_observation);
+  pool.values.matrix = kFactor * pool.values.matrix + seen.values.matrix / doubt;
+  pool.values.vector = kFactor * pool.values.vector + seen.values.vector / doubt;
 }
 
 void creep_on(FollowedTube& tube, double elapsed_s) {

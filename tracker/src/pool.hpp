@@ -17,6 +17,10 @@ void start_pool(FollowedTube& tube);
 /// Takes in what the last fit observed.
 void add_to_pool(FollowedTube& tube);
 
+/// The same of a varying radius. In motion every frame stands for itself: a tube that slides along itself takes its
+/// profile along, unseen.
+void add_to_profile_pool(FollowedTube& tube);
+
 /// At rest, before a frame: what is known of the tube goes on as it creeps.
 void creep_on(FollowedTube& tube, double elapsed_s);
 

@@ -21,23 +21,29 @@ struct Piece {
   Eigen::Vector3d axis;                    ///< unit
   Eigen::Vector3d start_mitre, end_mitre;  ///< normals of the planes, per metre along this piece's axis
   double t_start = 0.0;
+  double t_length = 0.0;
+  double radius_m = 0.0;
 };
 
 constexpr double kSpansPerPiece = 0.5;
+constexpr double kSpansPerVaryingPiece = 0.125;  // a taper of 10 % is a step of 1.5 % of the radius then
 
 std::vector<Piece> cut_into_pieces(const TubeModel& model) {
-  const int count = static_cast<int>(std::lround(model.spline.spans() / kSpansPerPiece));
+  const double spans_per_piece = model.profile.offset_m.empty() ? kSpansPerPiece : kSpansPerVaryingPiece;
+  const int count = static_cast<int>(std::lround(model.spline.spans() / spans_per_piece));
   std::vector<Piece> pieces;
   pieces.reserve(static_cast<std::size_t>(count));
   Eigen::Vector3d from = point_at(model.spline, 0.0);
   for (int i = 0; i < count; ++i) {
     Piece piece;
     piece.start_m = from;
-    piece.end_m = from = point_at(model.spline, kSpansPerPiece * (i + 1));
+    piece.end_m = from = point_at(model.spline, spans_per_piece * (i + 1));
     const double length_m = (piece.end_m - piece.start_m).norm();
     if (length_m < 1e-6) continue;
     piece.axis = (piece.end_m - piece.start_m) / length_m;
-    piece.t_start = kSpansPerPiece * i;
+    piece.t_start = spans_per_piece * i;
+    piece.t_length = spans_per_piece;
+    piece.radius_m = radius_at(model, piece.t_start + 0.5 * piece.t_length);
     piece.start_mitre = piece.end_mitre = piece.axis;
     pieces.push_back(piece);
   }
@@ -109,6 +115,7 @@ struct Edge {
 struct Outlined {
   RowPiece piece;
   std::array<Edge, 4> edges;
+  float radius_m;
 };
 
 /// Those of a tube, and of each the rows of the image in which it may be seen: every row asks all of them for that.
@@ -145,7 +152,7 @@ RowPiece row_piece(const Piece& piece) {
   row.start_off_m = static_cast<float>((middle_m - piece.start_m).dot(piece.start_mitre));
   row.end_off_m = static_cast<float>((piece.end_m - middle_m).dot(piece.end_mitre));
   row.t_start = static_cast<float>(piece.t_start);
-  row.t_length = static_cast<float>(kSpansPerPiece);
+  row.t_length = static_cast<float>(piece.t_length);
   return row;
 }
 
@@ -158,11 +165,11 @@ OutlinedTube outline_all(const Intrinsics& in, const TubeModel& model) {
   OutlinedTube all;
   all.all_rows = {in.height, 0};
   for (const Piece& piece : cut_into_pieces(model)) {
-    const std::optional<Quad> quad = outline_of(in, piece, model.radius_m);
+    const std::optional<Quad> quad = outline_of(in, piece, piece.radius_m);
     if (!quad) continue;
     const auto [top, bottom] = std::minmax({(*quad)[0].y(), (*quad)[1].y(), (*quad)[2].y(), (*quad)[3].y()});
     const Range rows = between(top, bottom, in.height);
-    all.pieces.push_back({row_piece(piece), edges_of(*quad)});
+    all.pieces.push_back({row_piece(piece), edges_of(*quad), static_cast<float>(piece.radius_m)});
     all.rows.push_back(rows);
     all.all_rows = {std::min(all.all_rows.begin, rows.begin), std::max(all.all_rows.end, rows.end)};
     all.pixels += std::min(area_px(*quad), 1.0 * in.width * (rows.end - rows.begin));
@@ -205,8 +212,7 @@ void take_rays(const RayLookup& rays, int v, int stride, const Range& pixels, Pr
 }
 
 /// Intersects the pixels of row v with every piece, and tells which pixels that may have been: in strides.
-Range intersect_all(const RayLookup& rays, const OutlinedTube& outlined, float radius_m, int v, int stride,
-                    PredictedRow& row) {
+Range intersect_all(const RayLookup& rays, const OutlinedTube& outlined, int v, int stride, PredictedRow& row) {
   const int width = rays.map.intrinsics.width;
   Range touched{width, 0};
   for (std::size_t k = 0; k < outlined.rows.size(); ++k) {
@@ -220,7 +226,7 @@ Range intersect_all(const RayLookup& rays, const OutlinedTube& outlined, float r
     take_rays(rays, v, stride, {begin, touched.begin}, row);
     take_rays(rays, v, stride, {touched.end, end}, row);
     touched = {std::min(touched.begin, begin), std::max(touched.end, end)};
-    intersect_row(one.piece, radius_m, begin, end, row);
+    intersect_row(one.piece, one.radius_m, begin, end, row);
   }
   return touched;
 }
@@ -272,7 +278,7 @@ void predict_pixels(const HeightMap& map, const NoiseModel& noise, const TubeMod
   const RayLookup rays{map, in.has_distortion()};
   std::size_t count = 0;
   for (int v = divided_up(rows.begin, stride) * stride; v < rows.end; v += stride) {
-    const Range touched = intersect_all(rays, outlined, static_cast<float>(model.radius_m), v, stride, row);
+    const Range touched = intersect_all(rays, outlined, v, stride, row);
     if (touched.begin >= touched.end) continue;
     judge_row(noise, in.fx_px, model.radius_m, touched.begin, touched.end, row);
     const std::size_t most = count + static_cast<std::size_t>(touched.end - touched.begin);

@@ -92,7 +92,9 @@ void extend(Spline& spline, bool front, bool back) {
   const Eigen::Vector3d after = q.back() + spacing * (q.back() - q[q.size() - 1 - back_by]).normalized();
   const Eigen::Vector3d before = q.front() + spacing * (q.front() - q[back_by]).normalized();
   if (back) q.push_back(after);
-  if (front) q.insert(q.begin(), before);
+  if (!front) return;
+  q.insert(q.begin(), before);
+  --spline.first_span;
 }
 
 }  // namespace tubetrack

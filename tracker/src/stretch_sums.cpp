@@ -242,8 +242,9 @@ std::vector<StretchSums> sum_stretches(const TubeModel& model, const SortedObser
     if (count == 0) continue;
     const std::size_t span = k / kStretchesPerSpan;
     PartialSums partial{};
+    const double radius_m = radius_at(model, (static_cast<double>(k) + 0.5) / kStretchesPerSpan);
     HWY_DYNAMIC_DISPATCH(AddBlocks)
-    (span_of_tube(curve[span], sorted.origin_m[span], span, curve.size(), model.radius_m),
+    (span_of_tube(curve[span], sorted.origin_m[span], span, curve.size(), radius_m),
      sorted.blocks.data() + sorted.first[k], count, partial);
     sums[k] = summed(partial);
   }

@@ -21,6 +21,11 @@ bool within(double value, double low, double high) {
 
 Expected<void> validate(const TrackerConfig& c) {
   if (c.radius_m && !within(*c.radius_m, 1e-4, 10.0)) return refuse("radius_m", *c.radius_m, "metres, 0.0001 to 10");
+  if (c.radius_m && c.varying_radius) {
+    return tl::make_unexpected(Error::usage(
+        "varying_radius: got true, takes false where radius_m is given, as that is held; give radius_min_m and "
+        "radius_max_m instead"));
+  }
   if (!within(c.radius_min_m, 1e-4, 10.0)) return refuse("radius_min_m", c.radius_min_m, "metres, 0.0001 to 10");
   if (!within(c.radius_max_m, c.radius_min_m, 10.0)) {
     return refuse("radius_max_m", c.radius_max_m, "metres, radius_min_m to 10");

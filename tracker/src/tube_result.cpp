@@ -11,6 +11,7 @@ namespace tubetrack {
 
 namespace {
 
+constexpr double kRoundness = 3e-4;  // one σ, of the radius: no tube is rounder
 constexpr double kCornerCut = 0.01;  // of the spline's third difference
 // Of a tube out of sight, one σ: how fast one at rest may creep, and by how much one in motion may change its speed.
 constexpr double kUnseenCreep_m_s = 0.001;
@@ -24,6 +25,27 @@ double sigma_across_m(const Eigen::Matrix3d& covariance_m2, const Eigen::Vector3
   const Eigen::Matrix2d section = across.transpose() * covariance_m2 * across;
   const double mean = 0.5 * section.trace();
   return std::sqrt(std::max(0.0, mean + std::hypot(0.5 * (section(0, 0) - section(1, 1)), section(0, 1))));
+}
+
+/// Of a tube whose radius varies.
+void add_node_radius(const FollowedTube& followed, double t, Tube& tube) {
+  const RadiusProfile& profile = followed.model.profile;
+  if (profile.offset_m.empty()) return;
+  const double radius_m = radius_at(followed.model, t);
+  tube.node_radius_m.push_back(radius_m);
+  const Eigen::MatrixXd& covariance = followed.quality.profile_covariance;
+  if (covariance.rows() != static_cast<Eigen::Index>(profile.offset_m.size())) return;
+  const SplineBasis basis = profile_basis_at(profile, followed.model.spline, t);
+  const auto first = static_cast<Eigen::Index>(basis.first);
+  const Eigen::Vector4d weights = Eigen::Vector4d::Map(basis.value.data());
+  const double variance = weights.dot(covariance.block<4, 4>(first, first) * weights);
+  tube.node_radius_sigma_m.push_back(std::sqrt(std::max(0.0, variance) + std::pow(kRoundness * radius_m, 2)));
+}
+
+double mean(const std::vector<double>& values) {
+  double sum = 0.0;
+  for (const double value : values) sum += value;
+  return sum / static_cast<double>(values.size());
 }
 
 }  // namespace
@@ -76,7 +98,9 @@ Tube result_of(const FollowedTube& followed, const HeightMap& map) {
     tube.node_visible.push_back(followed.state == TubeState::tracked && nearest != followed.stations.end() &&
                                 nearest->seen());
     add_uncertainty(spline, followed.quality.covariance, t, tube);
+    add_node_radius(followed, t, tube);
   }
+  if (!tube.node_radius_m.empty()) tube.radius_m = mean(tube.node_radius_m);
   tube.length_m = polyline_length_m(tube.centerline_m);
   return tube;
 }
@@ -105,6 +129,7 @@ void add_common_error(Tube& tube, double radius_relative) {
   const double sigma_m = radius_relative * tube.radius_m;
   if (sigma_m <= 0.0) return;
   tube.radius_sigma_m = std::hypot(tube.radius_sigma_m, sigma_m);
+  for (double& node_sigma_m : tube.node_radius_sigma_m) node_sigma_m = std::hypot(node_sigma_m, sigma_m);
   const auto& line = tube.centerline_m;
   for (std::size_t i = 0; i < line.size(); ++i) {
     const Eigen::Vector3d along = (line[std::min(i + 1, line.size() - 1)] - line[i == 0 ? 0 : i - 1]).normalized();

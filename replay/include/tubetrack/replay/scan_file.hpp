@@ -1,6 +1,6 @@
 #pragma once
 
-#include <Eigen/Core>
+#include <Eigen/Geometry>
 #include <array>
 #include <cstddef>
 #include <cstdint>
@@ -24,7 +24,7 @@ enum class ScanUnit { millimetre, metre, voxel };
 struct ScanOptions {
   std::optional<ScanUnit> unit;          ///< --unit; else the header's, and millimetres where there is none
   std::optional<double> cell_size_m;     ///< --cell-size: edge of a height map's cell, or of a voxel
-  std::optional<double> height_scale_m;  ///< --height-scale: metres per count of a height map
+  std::optional<double> height_scale_m;  ///< --height-scale: metres per count of a height map; wins over its JSON
   std::optional<double> label;           ///< --label: the voxels of this value are the body
   std::optional<double> threshold;       ///< --threshold: the voxels of this value and above are the body
   std::size_t memory_limit_bytes = 0;    ///< files and volumes above this are refused; 0: half the machine's memory
@@ -66,6 +66,8 @@ struct Scan {
   VoxelGrid voxels;
   HeightGrid heights;
   Eigen::Vector3d origin_m = Eigen::Vector3d::Zero();  ///< not zero where coordinates are too large for `float`
+  /// A height map's, from the JSON beside it: where results belong.
+  Eigen::Isometry3d pose = Eigen::Isometry3d::Identity();
   double metres_per_unit = 0.001;
   double grid_step_m = 0.0;        ///< default of the paper's section 2.1, see default_grid_step_m
   std::vector<std::string> notes;  ///< for the summary: what was assumed, dropped or put right

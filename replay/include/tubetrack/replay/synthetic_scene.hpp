@@ -41,14 +41,21 @@ struct TubePart {
   static TubePart arc(double bend_radius_m, double angle_rad, double rotation_rad = 0.0);
 };
 
+/// A tube's radius at one place: between two keys it changes evenly, before the first and behind the last it stays.
+struct RadiusKey {
+  double at_m = 0.0;  ///< arc length from the tube's start
+  double radius_m = 0.0;
+};
+
 /// A round tube with flat end caps. Its id in the truth is its place in Scene::tubes, from 1.
 struct SceneTube {
-  double radius_m = 0.0125;
+  double radius_m = 0.0125;  ///< where `radius_profile` is not empty: not looked at
   Eigen::Vector3d start_m = Eigen::Vector3d::Zero();
   Eigen::Vector3d direction = Eigen::Vector3d::UnitX();       ///< any length above 0
   Eigen::Vector3d bend_direction = Eigen::Vector3d::UnitY();  ///< where an arc of rotation 0 turns to; ∦ direction
   std::vector<TubePart> parts;
   Motion motion;
+  std::vector<RadiusKey> radius_profile = {};  ///< by rising `at_m`; empty: radius_m everywhere
 };
 
 struct PlaneShape {

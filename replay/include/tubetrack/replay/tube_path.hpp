@@ -32,6 +32,13 @@ CenterlinePoint point_on_part(const PlacedPart& part, double along_m);
 /// Every `step_m` from cap to cap, and the far cap itself.
 std::vector<CenterlinePoint> sample_centerline(const std::vector<PlacedPart>& parts, double step_m);
 
+/// The tube's radius at an arc length.
+double radius_along_m(const SceneTube& tube, double along_m);
+
+/// The largest, and the mean over the tube's length.
+double largest_radius_m(const SceneTube& tube);
+double mean_radius_m(const SceneTube& tube);
+
 double total_length_m(const std::vector<PlacedPart>& parts);
 
 }  // namespace tubetrack

@@ -20,9 +20,10 @@ struct TrueBend {
 /// The true course of one tube in one frame, sampled every 2 mm.
 struct TrueTube {
   std::int64_t id = 0;
-  double radius_m = 0.0;
+  double radius_m = 0.0;                      ///< where it varies: the mean over the length
   double length_m = 0.0;                      ///< of the centreline, from cap to cap
   std::vector<Eigen::Vector3d> centerline_m;  ///< in the frame that TruthFrame::frame_id names
+  std::vector<double> node_radius_m = {};     ///< one a point where the radius varies, else empty
   std::vector<TrueBend> bends;                ///< along the centreline
   std::vector<bool> visible;  ///< a sample is visible when ≥ half of its camera-facing profile has returns of this tube
 };

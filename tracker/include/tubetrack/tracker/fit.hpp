@@ -1,17 +1,27 @@
 #pragma once
 
+#include <algorithm>
 #include <optional>
 #include <vector>
 
+#include "tubetrack/tracker/radius_profile.hpp"
 #include "tubetrack/tracker/spline.hpp"
 
 namespace tubetrack {
 
-/// A tube being fitted: a centreline and one radius.
+/// A tube being fitted: a centreline and one radius, or (`varying_radius`) one that its profile adds to along it.
 struct TubeModel {
   Spline spline;
   double radius_m = 0.0;
+  RadiusProfile profile = {};
 };
+
+/// At a place of the centreline; where a profile that goes on past what is seen would make it vanish, a quarter of the
+/// one radius.
+inline double radius_at(const TubeModel& model, double t) {
+  if (model.profile.offset_m.empty()) return model.radius_m;
+  return std::max(0.25 * model.radius_m, model.radius_m + radius_offset_m(model.profile, model.spline, t));
+}
 
 /// A measured point, the direction along which it errs (unit: the viewing ray, or the normal for a scan) and by how
 /// much. `t` is the place on the centreline that the model expects it at.
@@ -29,6 +39,13 @@ struct Information {
   Eigen::VectorXd vector;
 };
 
+/// What observations say of the control values of a RadiusProfile, whatever the centreline: as Information, over the
+/// values alone, the first of which has the number `first`.
+struct ProfileInformation {
+  int first = 0;
+  Information values = {};
+};
+
 /// Control points and radius in the order of Information.
 Eigen::VectorXd parameters_of(const TubeModel& model);
 
@@ -40,6 +57,10 @@ struct FitOptions {
   const Information* prior = nullptr;  ///< of the model's size
   bool want_covariance = true;
   double suppleness = 1.0;  ///< how far the line may bend: 1 any tube; small values hold a short seed straight
+  /// The radius may vary along the tube; not where it is known, nor below suppleness 1, where a profile stays as it is.
+  bool varying_radius = false;
+  const ProfileInformation* profile_prior = nullptr;  ///< what earlier frames say of the profile
+  bool prior_has_places = false;  ///< `prior` is of those same frames, and holds what they say of the centreline
 };
 
 /// What Gauss-Newton says of its result.
@@ -50,6 +71,9 @@ struct FitQuality {
   /// Of all control points (x, y, z each) and, last, the radius; inflated by χ² above 1. Of control points that are
   /// more than three apart, which no place of the centreline shares, it says zero.
   Eigen::MatrixXd covariance;
+  // Of a varying radius only: `radius_sigma_m` is then that of its mean, and nothing is said of one radius.
+  ProfileInformation profile;          ///< what these observations alone say of it
+  Eigen::MatrixXd profile_covariance;  ///< of its control values; inflated likewise
 };
 
 /// Gauss-Newton on residuals along the observations' directions (paper, section 2.3, equation 1, with the noise where

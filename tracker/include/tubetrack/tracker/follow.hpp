@@ -52,6 +52,7 @@ struct FollowedTube {
   Drift drift;                          ///< at rest: of the same frames
   std::optional<double> held_radius_m;  ///< as FoundTube's
   double radius_information = 0.0;      ///< 1/m²
+  ProfileInformation profile_pool;      ///< at rest, of a varying radius: of the same frames as `pooled`
   TubeModel anchor;                     ///< moving: where it was when it was last asked whether it still moves
   TubeVelocity velocity;                ///< of the motion, or at rest of the creeping
 };

@@ -9,6 +9,7 @@ namespace tubetrack {
 /// Uniform cubic B-spline: the shape of a centreline. Parameter t in [0, spans()], one span a control point.
 struct Spline {
   std::vector<Eigen::Vector3d> control_m;  ///< at least 4
+  int first_span = 0;  ///< number of its first span: spans keep theirs as the line grows and shrinks at its front
 
   double spans() const { return static_cast<double>(control_m.size()) - 3.0; }
 };

@@ -12,6 +12,7 @@ struct TrackerConfig {
   double radius_min_m = 0.005;
   double radius_max_m = 0.100;
   std::optional<double> radius_m;  ///< known radius: held, not fitted
+  bool varying_radius = false;     ///< the radius may vary along a tube, as a hose's or a branch's does
   double depth_min_m = 0.15;
   double depth_max_m = 10.0;
   int roi_u_px = 0;  ///< region of interest; width or height 0: the whole image

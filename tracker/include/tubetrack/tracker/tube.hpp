@@ -55,7 +55,8 @@ struct Tube {
   std::vector<double> sigma_m;  ///< the larger axis across the tube
   std::vector<Eigen::Matrix3d> node_covariance_m2;
   std::vector<bool> node_visible;
-  std::vector<double> node_radius_m;  ///< tubes of varying radius only; empty: radius_m everywhere
+  std::vector<double> node_radius_m;        ///< tubes of varying radius only; empty: radius_m everywhere
+  std::vector<double> node_radius_sigma_m;  ///< the same; empty also where it is not known
   std::vector<Segment> segments;
   BendTable bend_table;
   bool closed = false;  ///< a ring, of a scan: its last node is its first

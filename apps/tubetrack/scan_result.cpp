@@ -1,0 +1,27 @@
+#include "scan_result.hpp"
+
+#include "tubetrack/replay/scan_surfels.hpp"
+
+namespace tubetrack {
+
+Expected<TubeFrame> tubes_of_scan(const Scan& scan, std::span<const Surfel> surfels, ScanTubesConfig& config,
+                                  bool any_radius) {
+  config.grid_step_m = scan.grid_step_m;
+  if (any_radius) {
+    const RadiusRange range = default_radius_range(scan, surfels);
+    config.radius_min_m = range.min_m;
+    config.radius_max_m = range.max_m;
+  }
+  if (auto valid = validate(config); !valid) return tl::make_unexpected(valid.error());
+  TubeFrame frame = find_scan_tubes(surfels, config);
+  const Eigen::Isometry3d pose = scan.pose * Eigen::Translation3d(scan.origin_m);
+  for (Tube& tube : frame.tubes) {
+    for (Eigen::Vector3d& point : tube.centerline_m) point = pose * point;
+    for (Eigen::Vector3d& point : tube.bend_table.xyz_m) point = pose * point;
+    for (Eigen::Matrix3d& covariance : tube.node_covariance_m2)
+      covariance = pose.linear() * covariance * pose.linear().transpose();
+  }
+  return frame;
+}
+
+}  // namespace tubetrack

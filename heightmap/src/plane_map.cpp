@@ -1,0 +1,185 @@
+#include "tubetrack/heightmap/plane_map.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+namespace tubetrack {
+
+namespace {
+
+constexpr int kMostCells = 4096;
+constexpr int kGrowBy = 64;
+constexpr int kMostTrust = 10;
+constexpr float kNone = std::numeric_limits<float>::quiet_NaN();
+
+/// Cells from begin to below end, either way.
+struct CellRange {
+  int col_begin = 0, col_end = 0, row_begin = 0, row_end = 0;
+};
+
+/// A reading over the plane.
+struct Reading {
+  int col = 0, row = 0;
+  float height_m = 0.0F;
+  float sigma_m = 0.0F;
+};
+
+/// Beside a depth edge a reading may be a mixture of what lies on either side.
+bool beside_edge(const HeightMap& frame, int u, int v, double sigma_m) {
+  constexpr double kEdgeSigmas = 6.0;
+  const float depth_m = frame.depth_m[frame.cell(u, v)];
+  const auto jumps = [&](int other_u, int other_v) {
+    if (other_u < 0 || other_v < 0 || other_u >= frame.intrinsics.width || other_v >= frame.intrinsics.height)
+      return false;
+    const float other_m = frame.depth_m[frame.cell(other_u, other_v)];
+    return other_m <= 0.0F || std::abs(other_m - depth_m) > kEdgeSigmas * sigma_m;
+  };
+  return jumps(u - 1, v) || jumps(u + 1, v) || jumps(u, v - 1) || jumps(u, v + 1);
+}
+
+std::vector<Reading> readings_of(const PlaneMap& map, const HeightMap& frame, const NoiseModel& noise,
+                                 const Eigen::Isometry3d& world_from_camera) {
+  const Eigen::Isometry3d plane_from_camera = map.world_from_plane.inverse() * world_from_camera;
+  std::vector<Reading> readings;
+  for (std::size_t cell = 0; cell < frame.depth_m.size(); ++cell) {
+    if (frame.depth_m[cell] <= 0.0F) continue;
+    const double sigma_m = axial_sigma_m(noise, frame.depth_m[cell], 0.0);
+    const auto width = static_cast<std::size_t>(frame.intrinsics.width);
+    if (beside_edge(frame, static_cast<int>(cell % width), static_cast<int>(cell / width), sigma_m)) continue;
+    const double depth_m =
+        frame.at_disparity_levels ? depth_of_level_m(noise, frame.depth_m[cell]) : frame.depth_m[cell];
+    const Eigen::Vector3d ray(frame.rays[cell].x(), frame.rays[cell].y(), 1.0);
+    const Eigen::Vector3d point = plane_from_camera * (depth_m * ray);
+    if (!(-point.z() >= kLowest_m && -point.z() <= kHighest_m)) continue;
+    const double col = std::floor(point.x() / map.cell_m), row = std::floor(point.y() / map.cell_m);
+    if (std::abs(col) >= kMostCells || std::abs(row) >= kMostCells) continue;
+    readings.push_back(
+        {static_cast<int>(col), static_cast<int>(row), static_cast<float>(-point.z()), static_cast<float>(sigma_m)});
+  }
+  return readings;
+}
+
+/// Makes room for all readings, in steps; what would make the map too large stays outside.
+void grow(PlaneMap& map, const std::vector<Reading>& readings) {
+  const bool empty = map.width == 0;
+  CellRange now{map.first_col, map.first_col + map.width, map.first_row, map.first_row + map.height};
+  CellRange all = now;
+  if (empty) all = {readings[0].col, readings[0].col + 1, readings[0].row, readings[0].row + 1};
+  for (const Reading& reading : readings) {
+    all.col_begin = std::min(all.col_begin, reading.col), all.col_end = std::max(all.col_end, reading.col + 1);
+    all.row_begin = std::min(all.row_begin, reading.row), all.row_end = std::max(all.row_end, reading.row + 1);
+  }
+  const auto widened = [](int& begin, int& end) {
+    begin = static_cast<int>(std::floor(1.0 * begin / kGrowBy)) * kGrowBy;
+    end = std::min(static_cast<int>(std::ceil(1.0 * end / kGrowBy)) * kGrowBy, begin + kMostCells);
+  };
+  widened(all.col_begin, all.col_end);
+  widened(all.row_begin, all.row_end);
+  if (!empty) {
+    // A map that is full keeps what it has.
+    if (now.col_end > all.col_end) all.col_begin = now.col_begin, all.col_end = now.col_end;
+    if (now.row_end > all.row_end) all.row_begin = now.row_begin, all.row_end = now.row_end;
+  }
+  PlaneMap grown{map.world_from_plane,
+                 map.cell_m,
+                 all.col_begin,
+                 all.row_begin,
+                 all.col_end - all.col_begin,
+                 all.row_end - all.row_begin,
+                 {},
+                 {},
+                 {}};
+  if (!empty && grown.width == map.width && grown.height == map.height && grown.first_col == map.first_col &&
+      grown.first_row == map.first_row)
+    return;
+  const auto size = static_cast<std::size_t>(grown.width) * static_cast<std::size_t>(grown.height);
+  grown.height_m.assign(size, kNone);
+  grown.count.assign(size, 0);
+  grown.trust.assign(size, 0);
+  for (int row = 0; row < map.height; ++row) {
+    const auto from = static_cast<std::ptrdiff_t>(row) * map.width;
+    const auto to = static_cast<std::ptrdiff_t>(row + map.first_row - grown.first_row) * grown.width +
+                    (map.first_col - grown.first_col);
+    std::copy_n(map.height_m.begin() + from, map.width, grown.height_m.begin() + to);
+    std::copy_n(map.count.begin() + from, map.width, grown.count.begin() + to);
+    std::copy_n(map.trust.begin() + from, map.width, grown.trust.begin() + to);
+  }
+  map = std::move(grown);
+}
+
+/// What a frame says of one cell.
+struct FrameCell {
+  float top_m = kNone;
+  float sum_m = 0.0F, sigma_m = 0.0F;
+  int count = 0;
+};
+
+void vote(PlaneMap& map, std::size_t cell, float height_m, float sigma_m) {
+  const float now_m = map.height_m[cell];
+  const bool agrees =
+      map.trust[cell] > 0 && std::abs(height_m - now_m) < 4.0F * sigma_m + static_cast<float>(map.cell_m);
+  if (agrees) {
+    map.count[cell] = static_cast<std::uint16_t>(std::min<int>(map.count[cell] + 1, 60000));
+    map.height_m[cell] = now_m + (height_m - now_m) / static_cast<float>(map.count[cell]);
+    map.trust[cell] = static_cast<std::uint8_t>(std::min<int>(map.trust[cell] + 1, kMostTrust));
+    return;
+  }
+  if (map.trust[cell] > 0 && --map.trust[cell] > 0) return;
+  map.height_m[cell] = height_m;
+  map.count[cell] = map.trust[cell] = 1;
+}
+
+}  // namespace
+
+PlaneMap make_plane_map(const SupportPlane& plane, const Eigen::Isometry3d& world_from_camera, const HeightMap& seen,
+                        double cell_m) {
+  // Where the optical axis meets the plane; where it runs along it, the plane's point nearest to the camera.
+  const double along = plane.normal.z();
+  Eigen::Isometry3d camera_from_plane = Eigen::Isometry3d::Identity();
+  const bool faces = along > 0.2;
+  camera_from_plane.translation() =
+      faces ? Eigen::Vector3d(0.0, 0.0, plane.distance_m / along) : Eigen::Vector3d(plane.distance_m * plane.normal);
+  const Eigen::Vector3d right = Eigen::Vector3d::UnitX() - plane.normal.x() * plane.normal;
+  const Eigen::Vector3d x =
+      right.norm() > 0.1 ? Eigen::Vector3d(right.normalized()) : Eigen::Vector3d(plane.normal.unitOrthogonal());
+  camera_from_plane.linear().col(0) = x;
+  camera_from_plane.linear().col(1) = plane.normal.cross(x);
+  camera_from_plane.linear().col(2) = plane.normal;
+  PlaneMap map;
+  map.world_from_plane = world_from_camera * camera_from_plane;
+  const double pixel_m = camera_from_plane.translation().norm() / seen.intrinsics.fx_px;
+  map.cell_m = cell_m > 0.0 ? cell_m : std::max(1e-4, 1e-4 * std::round(pixel_m / 1e-4));
+  return map;
+}
+
+void fuse(PlaneMap& map, const HeightMap& frame, const NoiseModel& noise, const Eigen::Isometry3d& world_from_camera) {
+  std::vector<Reading> readings = readings_of(map, frame, noise, world_from_camera);
+  if (readings.empty()) return;
+  grow(map, readings);
+  std::erase_if(readings, [&](const Reading& reading) {
+    return reading.col < map.first_col || reading.col >= map.first_col + map.width || reading.row < map.first_row ||
+           reading.row >= map.first_row + map.height;
+  });
+  const auto cell_of = [&](const Reading& reading) {
+    return static_cast<std::size_t>(reading.row - map.first_row) * static_cast<std::size_t>(map.width) +
+           static_cast<std::size_t>(reading.col - map.first_col);
+  };
+  std::vector<FrameCell> cells(map.height_m.size());
+  for (const Reading& reading : readings) {
+    FrameCell& cell = cells[cell_of(reading)];
+    if (!(cell.top_m >= reading.height_m)) cell.top_m = reading.height_m;
+  }
+  for (const Reading& reading : readings) {
+    FrameCell& cell = cells[cell_of(reading)];
+    if (reading.height_m < cell.top_m - 4.0F * reading.sigma_m - static_cast<float>(map.cell_m)) continue;
+    cell.sum_m += reading.height_m;
+    cell.sigma_m = std::max(cell.sigma_m, reading.sigma_m);
+    ++cell.count;
+  }
+  for (std::size_t at = 0; at < cells.size(); ++at) {
+    if (cells[at].count > 0) vote(map, at, cells[at].sum_m / static_cast<float>(cells[at].count), cells[at].sigma_m);
+  }
+}
+
+}  // namespace tubetrack
