@@ -41,14 +41,14 @@ bool beside_edge(const HeightMap& frame, int u, int v, double sigma_m) {
 std::vector<Reading> readings_of(const PlaneMap& map, const HeightMap& frame, const NoiseModel& noise,
                                  const Eigen::Isometry3d& world_from_camera) {
   const Eigen::Isometry3d plane_from_camera = map.world_from_plane.inverse() * world_from_camera;
+  const DisparityLevels levels = levels_of_readings(frame, noise);
   std::vector<Reading> readings;
   for (std::size_t cell = 0; cell < frame.depth_m.size(); ++cell) {
     if (frame.depth_m[cell] <= 0.0F) continue;
     const double sigma_m = axial_sigma_m(noise, frame.depth_m[cell], 0.0);
     const auto width = static_cast<std::size_t>(frame.intrinsics.width);
     if (beside_edge(frame, static_cast<int>(cell % width), static_cast<int>(cell / width), sigma_m)) continue;
-    const double depth_m =
-        frame.at_disparity_levels ? depth_of_level_m(noise, frame.depth_m[cell]) : frame.depth_m[cell];
+    const double depth_m = depth_of_level_m(levels, frame.depth_m[cell]);
     const Eigen::Vector3d ray(frame.rays[cell].x(), frame.rays[cell].y(), 1.0);
     const Eigen::Vector3d point = plane_from_camera * (depth_m * ray);
     if (!(-point.z() >= kLowest_m && -point.z() <= kHighest_m)) continue;

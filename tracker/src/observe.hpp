@@ -14,10 +14,6 @@ namespace tubetrack {
 /// How far inside the silhouette a pixel must be, so that what jitters across it neither comes in nor is missing.
 float least_margin_px(const NoiseModel& noise);
 
-/// Levels that the map's readings come from; none where they lie at none.
-inline DisparityLevels levels_of_readings(const HeightMap& map, const NoiseModel& noise) {
-  return map.at_disparity_levels ? disparity_levels(noise, map.unit_m) : DisparityLevels{};
-}
 /// The reading without the bias of its rounding and of the jitter.
 inline double unbiased_m(const DisparityLevels& levels, const PredictedPixel& pixel, float measured_m) {
   return depth_of_level_m(levels, measured_m) - pixel.jitter_bias_m;

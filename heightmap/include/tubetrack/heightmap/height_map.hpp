@@ -6,6 +6,7 @@
 
 #include "tubetrack/heightmap/workers.hpp"
 #include "tubetrack/sensors/depth_frame.hpp"
+#include "tubetrack/sensors/disparity_levels.hpp"
 #include "tubetrack/sensors/intrinsics.hpp"
 #include "tubetrack/sensors/noise_model.hpp"
 
@@ -79,5 +80,10 @@ void update(HeightMap& map, const DepthFrame& frame, const NoiseModel& noise, co
 /// Are the frame's readings those of the noise model's disparity levels, rounded to the recording's unit? Asked of a
 /// few thousand readings where levels lie farther apart than units; false where there are too few.
 bool lies_at_disparity_levels(const DepthFrame& frame, const NoiseModel& noise);
+
+/// The disparity levels that the map's readings come from; none where they lie at none.
+inline DisparityLevels levels_of_readings(const HeightMap& map, const NoiseModel& noise) {
+  return map.at_disparity_levels ? disparity_levels(noise, map.unit_m) : DisparityLevels{};
+}
 
 }  // namespace tubetrack
