@@ -21,7 +21,10 @@ constexpr int kFramesToComeToRest = 6;  // long enough for 1 mm/s to show
 constexpr double kEndTrim = 0.6;        // spans
 constexpr double kRoundness = 3e-4;
 constexpr double kFitGate = 0.1;  // radii: how near a reading must be to be fitted, beside its noise
-constexpr double kStale = 0.02;   // radii: so far a model may have moved from the one whose pixels were predicted
+// Radii: so little a placing may still move for the fit to take it along. At four times as much a tube that leaves and
+// comes back is lost now and then.
+constexpr double kSettled = 0.005;
+constexpr double kStale = 0.02;  // radii: so far a model may have moved from the one whose pixels were predicted
 
 FitOptions fit_options(const TrackerConfig& config, const FollowedTube& tube, const Information* prior) {
   FitOptions options;
@@ -109,7 +112,7 @@ bool judge_motion(FollowedTube& tube, const HeightMap& map, const TrackerConfig&
   }
   TubeModel moved = model;
   move(moved, second->twist);
-  if (moved_m(model, moved, tube.extent) <= kStale * model.radius_m) return true;
+  if (moved_m(model, moved, tube.extent) <= kSettled * model.radius_m) return true;
   model = std::move(moved);
   predict(tube, map, config, model);
   view = view_of(tube, map, config, model, kFitGate, kFitGate);
