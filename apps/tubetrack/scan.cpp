@@ -11,7 +11,9 @@
 #include "scan_outputs.hpp"
 #include "scan_result.hpp"
 #include "tubetrack/replay/scan_surfels.hpp"
-#include "tubetrack/report/result_json.hpp"
+#include "tubetrack/report/nominal.hpp"
+#include "tubetrack/report/scan_json.hpp"
+#include "tubetrack/tracker/joints.hpp"
 #include "tubetrack/tracker/scan_tubes.hpp"
 
 namespace tubetrack {
@@ -33,13 +35,14 @@ Examples:
   tubetrack scan aorta.nii.gz --radius-range 0.01:0.03
   tubetrack scan pipe.stl --lra bends.csv --error-map errors.ply --picture pipe.png
   tubetrack scan relief.png --cell-size 0.0005 --height-scale 0.00001
+  tubetrack scan pipe.stl --nominal pipe.csv --tolerance 0.5
 
-Exit codes: 0 done; 1 unreadable, or no tube in it; 2 wrong usage. docs/scans.md has more.)";
+Exit codes: 0 done; 1 unreadable, no tube in it, or out of tolerance; 2 wrong usage. docs/scans.md has more.)";
 
 struct ScanFlags {
   std::string file;
   std::string unit, grid_step, radius, radius_range, label, threshold, cell_size, height_scale;
-  std::string out;
+  std::string out, nominal, tolerance;
   ScanOutputs outputs;
   bool no_timing = false, quiet = false;
 };
@@ -129,7 +132,7 @@ void print_scan(const ScanFlags& flags, const Scan& scan, std::size_t surfels, d
   for (const std::string& note : scan.notes) fmt::print(stderr, "note: {}\n", note);
 }
 
-void print_tubes(const TubeFrame& frame) {
+void print_tubes(const TubeFrame& frame, std::span<const TubeJoint> joints) {
   for (const Tube& tube : frame.tubes) {
     fmt::print(stderr, "tube {}: {}radius {:.3f} ± {:.3f} mm, length {:.1f} mm", tube.id, tube.closed ? "closed, " : "",
                1e3 * tube.radius_m, 1e3 * tube.radius_sigma_m, 1e3 * tube.length_m);
@@ -141,6 +144,12 @@ void print_tubes(const TubeFrame& frame) {
     }
     fmt::print(stderr, ", {} straight, {} toric, {} free\n", straights, arcs, free);
   }
+  for (const TubeJoint& joint : joints) {
+    std::string parts;
+    for (const TubeJoint::Part& part : joint.parts)
+      parts += fmt::format("{}tube {} ({})", parts.empty() ? "" : ", ", part.tube, joint_part_name(part.at));
+    fmt::print(stderr, "joint: {}\n", parts);
+  }
   fmt::print(stderr, "{} tube(s) in {:.2f} s\n", frame.tubes.size(), 1e-3 * frame.latency_ms);
 }
 
@@ -148,6 +157,51 @@ Expected<void> write_line(const std::string& line, const std::string& path) {
   if (!path.empty()) return write_text_file("--out", path, line + "\n");
   fmt::print("{}\n", line);
   return {};
+}
+
+/// How the tubes compare with the nominal ones, point by point.
+void print_nominal(std::span<const NominalComparison> comparisons) {
+  for (const NominalComparison& comparison : comparisons) {
+    if (!comparison.problem.empty()) {
+      fmt::print(stderr, "nominal tube {}: {}\n", comparison.nominal, comparison.problem);
+      continue;
+    }
+    fmt::print(stderr, "nominal tube {} on tube {}{}: RMS {:.3f} mm, sheath at most {:.3f} mm\n", comparison.nominal,
+               comparison.tube, comparison.reversed ? " (from its other end)" : "", 1e3 * comparison.rms_m,
+               1e3 * comparison.max_sheath_m);
+    fmt::print(stderr, "  {:>5}  {:<11}  {:>12}  {:>9}\n", "point", "", "deviation mm", "sheath mm");
+    for (const NominalPoint& point : comparison.points) {
+      fmt::print(stderr, "  {:>5}  {:<11}  {:>12.3f}  {:>9.3f}\n", point.point, nominal_point_name(point.at),
+                 1e3 * point.deviation_m, 1e3 * point.sheath_m);
+    }
+  }
+}
+
+/// An error where a nominal tube is not within the tolerance.
+Expected<void> judge(const std::string& file, std::span<const NominalComparison> comparisons,
+                     std::optional<double> tolerance_m) {
+  if (!tolerance_m) return {};
+  for (const NominalComparison& comparison : comparisons) {
+    if (comparison.within(*tolerance_m)) continue;
+    return tl::make_unexpected(Error::failed(
+        comparison.problem.empty()
+            ? fmt::format("{}: nominal tube {} is out of tolerance: deviates by {:.3f} mm, sheath by {:.3f} mm; "
+                          "--tolerance {:g} mm",
+                          file, comparison.nominal, 1e3 * comparison.max_deviation_m, 1e3 * comparison.max_sheath_m,
+                          1e3 * *tolerance_m)
+            : fmt::format("{}: nominal tube {} can't be compared: {}", file, comparison.nominal, comparison.problem)));
+  }
+  return {};
+}
+
+/// --nominal and --tolerance.
+Expected<std::vector<NominalTube>> nominal_from(const ScanFlags& flags, std::optional<double>& tolerance_m) {
+  if (auto read = read_length("--tolerance", flags.tolerance, "millimetres, above 0, like 0.5", tolerance_m); !read)
+    return tl::make_unexpected(read.error());
+  if (tolerance_m) *tolerance_m *= 1e-3;
+  if (!flags.nominal.empty()) return read_nominal_csv(flags.nominal);
+  if (tolerance_m) return tl::make_unexpected(Error::usage("--tolerance: give --nominal FILE.csv as well"));
+  return std::vector<NominalTube>();
 }
 
 Expected<void> run_scan(const ScanFlags& flags) {
@@ -159,6 +213,9 @@ Expected<void> run_scan(const ScanFlags& flags) {
   if (auto read = read_length("--grid-step", flags.grid_step, "metres, above 0, like 0.001", step_m); !read)
     return read;
   if (auto checked = check_scan_outputs(flags.outputs, flags.out, flags.file); !checked) return checked;
+  std::optional<double> tolerance_m;
+  const auto nominal = nominal_from(flags, tolerance_m);
+  if (!nominal) return tl::make_unexpected(nominal.error());
   const auto begin = std::chrono::steady_clock::now();
   Scan scan;
   if (auto read = read_scan(flags.file, *options)) {
@@ -177,20 +234,25 @@ Expected<void> run_scan(const ScanFlags& flags) {
   } else {
     return tl::make_unexpected(found.error());
   }
-  if (auto written = write_line(result_line(frame, !flags.no_timing), flags.out); !written) return written;
+  const std::vector<TubeJoint> joints = joints_of(frame.tubes);
+  const std::vector<NominalComparison> compared = compare_with_nominal(*nominal, frame.tubes);
+  const std::string line = scan_result_line(frame, !flags.no_timing, {joints, compared, tolerance_m});
+  if (auto written = write_line(line, flags.out); !written) return written;
   if (frame.tubes.empty()) {
     return tl::make_unexpected(Error::failed(
         fmt::format("{}: no tube of radius {:.4g} to {:.4g} m found; check --unit, or give --radius-range", flags.file,
                     config.radius_m.value_or(config.radius_min_m), config.radius_m.value_or(config.radius_max_m))));
   }
   if (!flags.quiet) {
-    print_tubes(frame);
+    print_tubes(frame, joints);
     const bool table = std::ranges::any_of(frame.tubes, [](const Tube& tube) { return !tube.bend_table.lra.empty(); });
     if (!table && !(flags.outputs.lra.empty() && flags.outputs.xyz.empty()))
       fmt::print(stderr,
                  "note: --xyz, --lra: no tube has a bend table; each has a part that is neither straight nor toric\n");
   }
-  return write_scan_outputs(flags.outputs, scan, surfels, frame.tubes);
+  if (auto written = write_scan_outputs(flags.outputs, scan, surfels, frame.tubes); !written) return written;
+  if (!flags.quiet) print_nominal(compared);
+  return judge(flags.file, compared, tolerance_m);
 }
 
 }  // namespace
@@ -213,6 +275,10 @@ void add_scan(CLI::App& app, int& exit_code) {
   option("--threshold", flags->threshold, "voxels: those of this value and above are the body", "T");
   option("--cell-size", flags->cell_size, "metres a cell of a height map, or a voxel, in place of the header's", "M");
   option("--height-scale", flags->height_scale, "metres per count of a height map", "S");
+  option("--nominal", flags->nominal,
+         "what a bent tube should be: XYZ points as --xyz writes them; prints the deviations", "FILE.csv");
+  option("--tolerance", flags->tolerance,
+         "with --nominal: in millimetres; the exit code is 1 where a tube is out of it", "MM");
   option("--out", flags->out, "write the result here instead of to stdout", "FILE");
   add_scan_output_flags(*command, flags->outputs);
   command->add_flag("--no-timing", flags->no_timing, "leave times out of the result: equal scans give equal bytes");

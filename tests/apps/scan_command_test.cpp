@@ -68,6 +68,27 @@ TEST_F(ScanCommand, EqualScansGiveEqualBytes) {
   EXPECT_EQ(read_text(folder_ / "a.jsonl"), first.out);
 }
 
+TEST_F(ScanCommand, ATubeIsJudgedAgainstItsNominalPoints) {
+  const std::string file = write("pipe.off", off_text(bent_pipe()));
+  ASSERT_EQ(scan({file, "--xyz", path("n.csv")}).exit_code, 0);
+  const ProgramEnd same = scan({file, "--nominal", path("n.csv"), "--tolerance", "0.01"});
+  EXPECT_EQ(same.exit_code, 0) << same.err;
+  EXPECT_EQ(schema_complaints(same.out_lines(), output_.path()), "");
+  const auto nominal = nlohmann::json::parse(same.out)["nominal"][0];
+  EXPECT_TRUE(nominal["pass"].get<bool>());
+  EXPECT_LE(nominal["max_deviation_m"].get<double>(), 1e-6);
+  // One point more than the tube has.
+  std::string text = read_text(folder_ / "n.csv");
+  text += "1,9,1.0,0.0,0.0\n";
+  const ProgramEnd longer = scan({file, "--nominal", write("longer.csv", text), "--tolerance", "0.5"});
+  EXPECT_EQ(longer.exit_code, 1);
+  EXPECT_THAT(longer.err, HasSubstr("nominal tube 1 can't be compared: no tube left with"));
+  EXPECT_EQ(schema_complaints(longer.out_lines(), output_.path()), "");
+  const ProgramEnd broken = scan({file, "--nominal", write("broken.csv", "tube,point,x_m,y_m,z_m\n1,0,0,0,zero\n")});
+  EXPECT_EQ(broken.exit_code, 1);
+  EXPECT_THAT(broken.err, HasSubstr("broken.csv, line 2: \"1,0,0,0,zero\", takes five numbers"));
+}
+
 TEST_F(ScanCommand, WrongUsageIsNamedAndEndsWithTwo) {
   const std::string file = write("pipe.off", off_text(bent_pipe()));
   const std::pair<std::vector<std::string>, std::string> cases[] = {
@@ -75,6 +96,8 @@ TEST_F(ScanCommand, WrongUsageIsNamedAndEndsWithTwo) {
       {{file, "--radius", "-1"}, "--radius -1: takes"},
       {{file, "--radius", "0.01", "--radius-range", "0.01:0.02"}, "give one of the two"},
       {{file, "--radius-range", "0.02:0.01"}, "--radius-range 0.02:0.01: takes MIN:MAX"},
+      {{file, "--tolerance", "1"}, "--tolerance: give --nominal FILE.csv as well"},
+      {{file, "--nominal", path("none.csv")}, "none.csv: no such file"},
       {{file, "--grid-step", "x"}, "--grid-step x: takes metres"},
       {{file, "--out", "/nowhere/a.jsonl"}, "--out /nowhere/a.jsonl: "},
       {{file, "--mesh", path("a.xyz")}, "a.xyz: takes a name that ends in .ply, .obj, .stl"},
@@ -301,6 +324,22 @@ TEST_F(RealScanCommand, TheAortaIsFoundThroughoutItsCane) {
   double length_m = 0.0;
   for (const auto& tube : tubes) length_m += tube["length_m"].get<double>();
   EXPECT_GT(length_m, 0.35);
+}
+
+TEST_F(RealScanCommand, ThePulmonaryArteryBranches) {
+  const ProgramEnd end = scan({(real_data() / "aorta-ct/pulmonary_artery.nii.gz").string()});
+  ASSERT_EQ(end.exit_code, 0) << end.err;
+  std::printf("%s", end.err.c_str());
+  EXPECT_EQ(schema_complaints(end.out_lines(), output_.path()), "");
+  const auto line = nlohmann::json::parse(end.out);
+  ASSERT_TRUE(line.contains("joints"));
+  // The trunk and both branches, with an end each.
+  const auto& parts = line["joints"][0]["tubes"];
+  ASSERT_EQ(parts.size(), 3U);
+  for (std::size_t i = 0; i < 3; ++i) {
+    EXPECT_EQ(parts[i]["id"], i + 1);
+    EXPECT_NE(parts[i]["at"], "flank");
+  }
 }
 
 TEST_F(RealScanCommand, TheLamppostsPoleIsStraight) {

@@ -3,10 +3,12 @@
 
 #include <cmath>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "bend_study.hpp"
 #include "figures.hpp"
+#include "paper_table.hpp"
 #include "random_tubes.hpp"
 #include "tubetrack/tracker/bend_table.hpp"
 
@@ -82,6 +84,28 @@ TEST(BendStudy, BendsOfFullScansAreMeasured) {
 
 TEST(BendStudy, BendsSeenFromOneSideAreMeasured) {
   expect_goals(true);
+}
+
+TEST(PaperTable, SmallScansMeetTheGoalsOfLargeOnes) {
+  constexpr double kTimes = 0.1;  // of the faces
+  std::vector<PaperScan> scans = robustness_scans(kTimes);
+  for (PaperScan& scan : paper_scans(kTimes)) {
+    // Short as it is, the digital object is half ends, and those are rounded.
+    if (scan.scan.kind == ScanKind::mesh) scans.push_back(std::move(scan));
+  }
+  for (const PaperScan& scan : scans) {
+    const PaperRow row = measure(scan, false);
+    EXPECT_EQ(row.tubes, 1U) << row.name;
+    EXPECT_LE(row.rms_voxels, row.goal_voxels) << row.name;
+    EXPECT_NEAR(row.found, 1.0, 0.02) << row.name;
+  }
+}
+
+TEST(PaperTable, AScanOfSoManyFacesHasThem) {
+  const PaperRow row = measure(mesh_of_faces(20'000), true);
+  EXPECT_NEAR(static_cast<double>(row.faces), 20'000.0, 100.0);
+  EXPECT_GT(row.transcription_s, 0.0);
+  EXPECT_GT(row.ours_s, 0.0);
 }
 
 }  // namespace

@@ -2,12 +2,15 @@
 
 #include <gmock/gmock.h>
 
+#include <Eigen/Geometry>
+#include <algorithm>
 #include <cmath>
 #include <iostream>
 #include <numbers>
 
 #include "scan_bodies.hpp"
 #include "tubetrack/replay/scan_surfels.hpp"
+#include "tubetrack/tracker/joints.hpp"
 
 namespace tubetrack {
 namespace {
@@ -176,6 +179,53 @@ TEST(ScanTubes, SameScanGivesTheSameBytes) {
   const TubeFrame a = tubes_of(scan), b = tubes_of(scan);
   ASSERT_EQ(a.tubes.size(), b.tubes.size());
   for (std::size_t i = 0; i < a.tubes.size(); ++i) EXPECT_EQ(a.tubes[i].centerline_m, b.tubes[i].centerline_m);
+}
+
+/// Voxels within the radius of any of the lines from a point.
+Scan voxels_of_star(const std::vector<Eigen::Vector3d>& ends_m, double radius_m, double step_m) {
+  Scan scan;
+  scan.kind = ScanKind::voxels;
+  scan.grid_step_m = step_m;
+  VoxelGrid& grid = scan.voxels;
+  Eigen::AlignedBox3d box(Eigen::Vector3d::Zero());
+  for (const Eigen::Vector3d& end_m : ends_m) box.extend(end_m);
+  grid.origin_m = box.min() - Eigen::Vector3d::Constant(radius_m + 3.0 * step_m);
+  grid.axes_m = step_m * Eigen::Matrix3d::Identity();
+  grid.size = ((box.diagonal().array() + 2.0 * radius_m) / step_m + 6.0).ceil().cast<int>();
+  grid.inside.assign(static_cast<std::size_t>(grid.size.prod()), 0);
+  for (int k = 0; k < grid.size.z(); ++k) {
+    for (int j = 0; j < grid.size.y(); ++j) {
+      for (int i = 0; i < grid.size.x(); ++i) {
+        const Eigen::Vector3d at_m = grid.origin_m + step_m * Eigen::Vector3d(i, j, k);
+        for (const Eigen::Vector3d& end_m : ends_m) {
+          const double share = std::clamp(at_m.dot(end_m) / end_m.squaredNorm(), 0.0, 1.0);
+          if ((at_m - share * end_m).norm() < radius_m) grid.inside[grid.at(i, j, k)] = 1;
+        }
+      }
+    }
+  }
+  return scan;
+}
+
+TEST(ScanTubes, AYIsThreeTubesOrTwoThatMeetAtOneJoint) {
+  const std::vector<Eigen::Vector3d> ends_m{{0.0, -0.09, 0.0}, {0.05, 0.08, 0.01}, {-0.06, 0.075, -0.01}};
+  const TubeFrame frame = tubes_of(voxels_of_star(ends_m, kRadius_m, kStep_m));
+  ASSERT_GE(frame.tubes.size(), 2U);
+  ASSERT_LE(frame.tubes.size(), 3U);
+  const std::vector<TubeJoint> joints = joints_of(frame.tubes);
+  ASSERT_EQ(joints.size(), 1U);
+  const TubeJoint& joint = joints.front();
+  EXPECT_EQ(joint.parts.size(), frame.tubes.size());
+  EXPECT_LE(joint.position_m.norm(), 1.5 * kRadius_m);
+  // No tube turns from one arm into another and back: its line stays in the arms.
+  for (const Tube& tube : frame.tubes) {
+    for (const Eigen::Vector3d& node_m : tube.centerline_m) {
+      double least_m = 1.0;
+      for (const Eigen::Vector3d& end_m : ends_m)
+        least_m = std::min(least_m, distance_from({Eigen::Vector3d::Zero(), end_m}, node_m));
+      EXPECT_LE(least_m, 1.2 * kRadius_m);
+    }
+  }
 }
 
 TEST(ScanTubes, WhatIsNoTubeIsNone) {

@@ -7,7 +7,7 @@
 #include <cmath>
 #include <numbers>
 
-#include "tracker/paper_transcription.hpp"
+#include "paper_transcription.hpp"
 #include "tracker/tube_scene.hpp"
 #include "tubetrack/tracker/trace.hpp"
 

@@ -116,7 +116,7 @@ void linearise(double scale_m, std::size_t stride, bool radius_known, ChainPoint
     // Of what lies behind the point's own bend nothing moves it.
     const Eigen::Index used =
         std::min(count - 1, place_of(at.bend, BendParameter::straight) + (at.in_arc ? kBendParameters : 0));
-    normal.topLeftCorner(used, used).selfadjointView<Eigen::Lower>().rankUpdate(row.head(used), weight);
+    normal.topLeftCorner(used, used).noalias() += (weight * row.head(used)) * row.head(used).transpose();
     gradient.head(used) += (weight * residual_m) * row.head(used);
     weights += weight;
     if (!radius_known) {

@@ -1,4 +1,4 @@
-#include "tracker/paper_transcription.hpp"
+#include "paper_transcription.hpp"
 
 #include <Eigen/Geometry>
 #include <algorithm>

@@ -1,0 +1,129 @@
+#include "paper_table.hpp"
+
+#include <fmt/format.h>
+#include <sys/resource.h>
+
+#include <cmath>
+#include <ctime>
+#include <limits>
+
+#include "markdown.hpp"
+#include "paper_transcription.hpp"
+#include "scan_bodies.hpp"
+#include "tubetrack/replay/scan_surfels.hpp"
+#include "tubetrack/tracker/scan_tubes.hpp"
+
+namespace tubetrack::bench {
+
+namespace {
+
+double processor_s() {
+  timespec now{};
+  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &now);
+  return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
+}
+
+double peak_memory_mb() {
+  rusage usage{};
+  getrusage(RUSAGE_SELF, &usage);
+  return static_cast<double>(usage.ru_maxrss) * 1024.0 / 1e6;
+}
+
+/// Algorithm 1 on all faces, algorithm 2 both ways from its best voxel. accRadius is a tenth above the radius, which
+/// the paper's method is told.
+double transcription_s(std::span<const Surfel> surfels, double radius_m, double cell_m) {
+  const double begin_s = processor_s();
+  std::vector<VoteRecord> records;
+  records.reserve(surfels.size());
+  const double acc_radius_m = 1.1 * radius_m;
+  for (Surfel surfel : surfels) {
+    surfel.radius_min_m = 0.0F;
+    surfel.radius_max_m = static_cast<float>(acc_radius_m);
+    records.push_back(vote_record(surfel, cell_m));
+  }
+  const paper::Images images = paper::accumulation_from_normal_vectors(records, 3);
+  paper::TrackSettings settings;
+  settings.cell_m = cell_m;
+  settings.acc_radius_m = acc_radius_m;
+  settings.track_step_m = radius_m;
+  settings.dir = [&](const VoxelIndex& at) { return images.dir(at); };
+  settings.max_points = 1'000'000;
+  for (const bool in_front : {true, false}) paper::track_patch_center(images, images.max_pt, in_front, settings);
+  return processor_s() - begin_s;
+}
+
+std::string ratio(double of, double to, int digits) {
+  return to > 0.0 && std::isfinite(of) ? fmt::format("{:.{}f}", of / to, digits) : "–";
+}
+
+}  // namespace
+
+PaperRow measure(const PaperScan& scan, bool with_transcription) {
+  PaperRow row;
+  row.name = scan.name;
+  row.paper_s = scan.paper_s;
+  row.goal_voxels = scan.goal_voxels;
+  const double begin_s = processor_s();
+  const std::vector<Surfel> surfels = surfels_of(scan.scan);
+  const RadiusRange range = default_radius_range(scan.scan, surfels);
+  ScanTubesConfig config;
+  config.grid_step_m = scan.scan.grid_step_m;
+  config.radius_min_m = range.min_m;
+  config.radius_max_m = range.max_m;
+  const TubeFrame frame = find_scan_tubes(surfels, config);
+  row.ours_s = processor_s() - begin_s;
+  row.peak_memory_mb = peak_memory_mb();
+  row.faces = faces_of(scan.scan, surfels.size());
+  row.tubes = frame.tubes.size();
+  row.rms_voxels = std::numeric_limits<double>::quiet_NaN();
+  if (!frame.tubes.empty()) {
+    // A voxel is the grid step of the scan's making, of which the radius is a round number.
+    row.rms_voxels = error_of(frame.tubes.front().centerline_m, scan.truth).rms_m / 0.001;
+    for (const Tube& tube : frame.tubes) row.found += tube.length_m / length_of(scan.truth);
+  }
+  row.transcription_s =
+      with_transcription ? transcription_s(surfels, scan.radius_m, 0.001) : std::numeric_limits<double>::quiet_NaN();
+  return row;
+}
+
+std::string paper_rows_text(const std::vector<PaperRow>& rows) {
+  MarkdownTable table({"scan", "faces", "paper, s", "transcription here, s", "ours, s", "transcription over ours",
+                       "ours over the paper", "RMS to truth, voxels", "goal", "tubes", "length found"});
+  for (const PaperRow& row : rows) {
+    const bool quick = row.transcription_s >= 100.0 * row.ours_s || row.ours_s <= 0.01 * row.paper_s;
+    table.add({row.name, std::to_string(row.faces), number(row.paper_s, 2), number(row.transcription_s, 2),
+               number(row.ours_s, 3), ratio(row.transcription_s, row.ours_s, 1) + (quick ? " ✓" : " ✗"),
+               ratio(row.ours_s, row.paper_s, 3), at_most(row.rms_voxels, row.goal_voxels, 1.0, 3),
+               fmt::format("≤ {:g}", row.goal_voxels), std::to_string(row.tubes), number(row.found, 3)});
+  }
+  return table.text();
+}
+
+std::string robustness_text(const std::vector<PaperRow>& rows) {
+  MarkdownTable table({"scan", "faces", "ours, s", "RMS to truth, voxels", "goal", "tubes", "length found"});
+  for (const PaperRow& row : rows) {
+    table.add({row.name, std::to_string(row.faces), number(row.ours_s, 3),
+               at_most(row.rms_voxels, row.goal_voxels, 1.0, 3), fmt::format("≤ {:g}", row.goal_voxels),
+               std::to_string(row.tubes), number(row.found, 3)});
+  }
+  return table.text();
+}
+
+std::string growth_text(const std::vector<PaperRow>& rows) {
+  MarkdownTable table(
+      {"faces", "ours, s", "µs a face", "peak memory, MB", "RMS to truth, voxels", "tubes", "length found"});
+  double n = 0.0, sx = 0.0, sy = 0.0, sxx = 0.0, sxy = 0.0;
+  for (const PaperRow& row : rows) {
+    const auto faces = static_cast<double>(row.faces);
+    table.add({std::to_string(row.faces), number(row.ours_s, 3), number(1e6 * row.ours_s / faces, 2),
+               number(row.peak_memory_mb, 0), number(row.rms_voxels, 3), std::to_string(row.tubes),
+               number(row.found, 3)});
+    const double x = std::log(faces), y = std::log(row.ours_s);
+    n += 1.0, sx += x, sy += y, sxx += x * x, sxy += x * y;
+  }
+  const double exponent = (n * sxy - sx * sy) / (n * sxx - sx * sx);
+  return table.text() + fmt::format("\nThe time grows with the faces to the power of {} (goal: 0.9 to 1.1).\n",
+                                    between(exponent, 0.9, 1.1, 1.0, 2));
+}
+
+}  // namespace tubetrack::bench

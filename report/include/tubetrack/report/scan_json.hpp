@@ -1,0 +1,27 @@
+#pragma once
+
+#include <optional>
+#include <span>
+#include <string>
+#include <string_view>
+
+#include "tubetrack/report/nominal.hpp"
+#include "tubetrack/tracker/joints.hpp"
+#include "tubetrack/tracker/tube.hpp"
+
+namespace tubetrack {
+
+/// What is known of a scan's tubes beside them.
+struct ScanFindings {
+  std::span<const TubeJoint> joints;
+  std::span<const NominalComparison> nominal;
+  std::optional<double> tolerance_m;  ///< of the nominal tubes, which pass or don't
+};
+
+/// A scan's line: result_line with the keys `joints` and `nominal` where there are any.
+std::string scan_result_line(const TubeFrame& frame, bool with_timing, const ScanFindings& findings);
+
+/// start, end, flank.
+std::string_view joint_part_name(TubeJoint::At at);
+
+}  // namespace tubetrack
