@@ -24,7 +24,7 @@ Examples:
   tubetrack replay desk/ > tubes.jsonl
   tubetrack replay desk/ --radius 0.0125 --out tubes.jsonl --overlay pictures/
   tubetrack replay images/ --intrinsics 525,525,319.5,239.5 --depth-scale 0.001
-  tubetrack replay desk/ --frames 100:200 --pace realtime
+  tubetrack replay desk/ --frames 100:200 --pace realtime --view
   tubetrack replay hoses/ --varying-radius
   tubetrack replay around/ --map plane --save-heightmap table.png)";
 

@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 
 #include <set>
+#include <utility>
 
 #include "apps/live_device.hpp"
 #include "tubetrack/replay/recorder.hpp"
@@ -175,6 +176,24 @@ TEST_F(LiveFaults, AnOniIsRecordedReadBackAndReplayedAndAKilledOneIsRefusedInOne
   EXPECT_THAT(errors(), HasSubstr("killed.oni: can't be read as .oni: it is "));
   const std::string said = errors();
   EXPECT_EQ(std::count(said.begin(), said.end(), '\n'), 1) << said;
+}
+
+TEST_F(LiveFaults, AnOniThatCrashesTheRuntimeIsRefusedInOneLine) {
+  const std::string whole = read_file(record_oni());
+  const fs::path damaged = folder_ / "damaged.oni";
+  int crashed = 0;
+  // Sizes of records before the first frame: each of these took a run down that decoded by itself.
+  for (const auto& [at, value] : {std::pair(0x3ca, 144), std::pair(0x2b4, 222), std::pair(0x191, 252)}) {
+    std::string bytes = whole;
+    bytes[static_cast<std::size_t>(at)] = static_cast<char>(value);
+    std::ofstream(damaged, std::ios::binary | std::ios::trunc) << bytes;
+    const int exit_code = run({"replay", damaged, "--quiet", "--out", lines()});
+    EXPECT_LE(exit_code, 1) << errors();
+    const std::string said = errors();
+    EXPECT_EQ(std::count(said.begin(), said.end(), '\n'), exit_code) << said;
+    if (said.find("the OpenNI2 runtime crashed opening it") != std::string::npos) ++crashed;
+  }
+  EXPECT_GE(crashed, 1) << "or these bytes show nothing";
 }
 
 TEST_F(LiveFaults, ADamagedOniDoesNotHangTheProgram) {
