@@ -3,7 +3,9 @@
 #include <fmt/format.h>
 
 #include <chrono>
-#include <optional>
+#include <cstdint>
+#include <string>
+#include <vector>
 
 #include "scan_outputs.hpp"
 #include "scan_result.hpp"
@@ -16,8 +18,8 @@ namespace tubetrack {
 namespace {
 
 struct FusedFrames {
-  std::optional<PlaneMap> map;
-  std::int64_t fused = 0, left_out = 0;
+  PlaneMap map;
+  std::int64_t fused = 0, left_out = 0;  ///< frames
   std::int64_t last_index = 0;
   double last_timestamp_s = 0.0;
 };
@@ -29,7 +31,7 @@ Expected<void> fuse_frame(const DepthFrame& frame, const TrackerConfig& config, 
   update(readings, frame, config.noise, limits, false);
   readings.at_disparity_levels = lies_at_disparity_levels(frame, config.noise);
   const Eigen::Isometry3d pose = frame.world_from_camera.value_or(Eigen::Isometry3d::Identity());
-  if (!fused.map) {
+  if (fused.fused == 0) {
     const auto plane = largest_plane(readings);
     if (!plane) {
       return tl::make_unexpected(
@@ -38,7 +40,7 @@ Expected<void> fuse_frame(const DepthFrame& frame, const TrackerConfig& config, 
     }
     fused.map = make_plane_map(*plane, pose, readings, cell_size_m);
   }
-  fuse(*fused.map, readings, config.noise, pose);
+  fuse(fused.map, readings, config.noise, pose);
   ++fused.fused;
   fused.last_index = frame.index;
   fused.last_timestamp_s = frame.timestamp_s;
@@ -73,10 +75,10 @@ Expected<int> run_plane_map(FrameSource& source, const TrackerConfig& config, co
   const auto start = std::chrono::steady_clock::now();
   auto fused = fuse_all(source, config, options.cell_size_m);
   if (!fused) return tl::make_unexpected(fused.error());
-  if (!fused->map)
+  if (fused->fused == 0)
     return tl::make_unexpected(Error::failed(fmt::format("{}: not one good frame came", source.info().name)));
   const std::string frame_id = source.info().has_poses ? "world" : "camera";
-  const HeightMapFile file = height_map_file_of(*fused->map, frame_id);
+  const HeightMapFile file = height_map_file_of(fused->map, frame_id);
   if (!options.save_heightmap.empty()) {
     if (auto written = write_height_map(file, options.save_heightmap); !written)
       return tl::make_unexpected(written.error());

@@ -125,7 +125,10 @@ void vote(PlaneMap& map, std::size_t cell, float height_m, float sigma_m) {
     map.trust[cell] = static_cast<std::uint8_t>(std::min<int>(map.trust[cell] + 1, kMostTrust));
     return;
   }
-  if (map.trust[cell] > 0 && --map.trust[cell] > 0) return;
+  if (map.trust[cell] > 1) {
+    --map.trust[cell];
+    return;
+  }
   map.height_m[cell] = height_m;
   map.count[cell] = map.trust[cell] = 1;
 }

@@ -58,7 +58,7 @@ TEST_F(Replay, WritesOneLineAFrameToStdoutAndTheSummaryToStderr) {
 
 TEST_F(Replay, PlaneMapAndAScanOfItsHeightMapGiveTheSameTubes) {
   const std::string scene = recording_.path().string(), image = (output_ / "table.png").string();
-  ASSERT_EQ(run({"synth", "moving-camera", scene, "--frames", "20"}).exit_code, 0);
+  ASSERT_EQ(run({"synth", "moving-camera", scene, "--frames", "12"}).exit_code, 0);
   const ProgramEnd fused = replay({"--map", "plane", "--save-heightmap", image, "--no-timing"});
   ASSERT_EQ(fused.exit_code, 0) << fused.err;
   ASSERT_THAT(fused.out_lines(), SizeIs(1));
@@ -68,7 +68,7 @@ TEST_F(Replay, PlaneMapAndAScanOfItsHeightMapGiveTheSameTubes) {
   const auto whole = parse_result_line(fused.out_lines()[0]);
   const auto again = parse_result_line(scanned.out_lines().at(0));
   ASSERT_TRUE(whole && again);
-  EXPECT_EQ(whole->frame, 19);
+  EXPECT_EQ(whole->frame, 11);
   EXPECT_EQ(whole->frame_id, "world");
   ASSERT_EQ(whole->tubes.size(), again->tubes.size());
   ASSERT_FALSE(whole->tubes.empty());

