@@ -60,7 +60,7 @@ TEST(RadiusProfile, ItsRightSideIsTheDerivativeOfChi2) {
   const TubeModel model = swelling_tube();
   TubeModel off = model;
   for (double& offset_m : off.profile.offset_m) offset_m += 0.0004;
-  const auto readings = sort_by_stretch(readings_of(model, 0.0005), model.spline.control_m.size() - 3);
+  const auto readings = sort_by_stretch(readings_of(model, 0.0005), model.spline);
   const ProfileEquations eq = profile_equations(off, sum_stretches(off, readings));
   constexpr double kStep_m = 1e-7;
   for (std::size_t k = 0; k < off.profile.offset_m.size(); ++k) {
