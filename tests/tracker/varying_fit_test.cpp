@@ -62,13 +62,13 @@ TEST(RadiusProfile, ItsRightSideIsTheDerivativeOfChi2) {
   for (double& offset_m : off.profile.offset_m) offset_m += 0.0004;
   const auto readings = sort_by_stretch(readings_of(model, 0.0005), model.spline);
   const ProfileEquations eq = profile_equations(off, sum_stretches(off, readings));
-  constexpr double kStep_m = 1e-7;
+  constexpr double kStep_m = 3e-5;  // sums are floats
   for (std::size_t k = 0; k < off.profile.offset_m.size(); ++k) {
     TubeModel more = off, less = off;
     more.profile.offset_m[k] += kStep_m;
     less.profile.offset_m[k] -= kStep_m;
     const double numeric = (chi2(more, readings) - chi2(less, readings)) / (2.0 * kStep_m);
-    EXPECT_NEAR(-2.0 * eq.right[static_cast<Eigen::Index>(k)], numeric, 1e-5 * std::abs(numeric) + 1.0) << k;
+    EXPECT_NEAR(-2.0 * eq.right[static_cast<Eigen::Index>(k)], numeric, 1e-4 * std::abs(numeric) + 1.0) << k;
   }
 }
 
