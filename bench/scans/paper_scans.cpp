@@ -22,11 +22,13 @@ PartChain long_tube(double length_m, double radius_m, bool flat) {
   chain.direction = Eigen::Vector3d::UnitX();
   chain.towards = Eigen::Vector3d::UnitY();
   const double straight_m = 12.0 * radius_m, bend_radius_m = 5.0 * radius_m, angle_rad = 0.4 * kPi;
-  // Around and back, and then on: + − − +, in planes that lie slightly askew.
+  // Around and back, and then on: + − − +, in planes that lie slightly askew at first; they would lead a long tube back
+  // to itself.
+  constexpr std::size_t kAskew = 16;
   const double turns[] = {0.0, kPi, 0.0, kPi};
   double left_m = length_m;
   for (std::size_t i = 0; left_m > 2.0 * straight_m + bend_radius_m * angle_rad; ++i) {
-    const double askew_rad = flat ? 0.0 : (i % 4 == 1 ? 0.3 : i % 4 == 3 ? -0.3 : 0.0);
+    const double askew_rad = flat || i >= kAskew ? 0.0 : (i % 4 == 1 ? 0.3 : i % 4 == 3 ? -0.3 : 0.0);
     chain.bends.push_back({straight_m, turns[i % 4] + askew_rad, angle_rad, bend_radius_m});
     left_m -= straight_m + bend_radius_m * angle_rad;
   }
