@@ -154,6 +154,7 @@ BendStudy study_bends(std::uint64_t first_seed, int tubes, bool one_side) {
 
 double median_error(const std::vector<Deviation>& deviations) {
   std::vector<double> errors;
+  errors.reserve(deviations.size());
   for (const Deviation& deviation : deviations) errors.push_back(std::abs(deviation.error));
   return quantile(errors, 0.5);
 }
