@@ -9,17 +9,15 @@ core_packages=(
   libopencv-core-dev libopencv-imgcodecs-dev libopencv-imgproc-dev
 )
 # Live back-ends, and what the tests use besides.
-test_packages=(
-  libcamera-dev libopencv-highgui-dev libopenni2-dev
-  libgmock-dev libgtest-dev librapidcheck-dev python3-jsonschema xdotool xvfb
-)
+test_packages=(libcamera-dev libopenni2-dev libgmock-dev libgtest-dev librapidcheck-dev python3-jsonschema)
 # What the benchmarks compare with, and the speed benchmark besides.
 peer_packages=(libcgal-dev libpcl-dev)
 speed_peer_packages=(libopencv-contrib-dev)
 # What scripts/long-qemu needs besides; what runs in the emulated machine is unpacked, not installed.
 qemu_packages=(qemu-system-x86)
-# What .ci/run needs besides: to check sources, and to read exports back (260 MB, so not for every test run).
-ci_packages=(clang-format-19 clang-tidy-19 python3-vtk9)
+# What .ci/run needs besides: to check sources, to read exports back (260 MB) and to see the window of --view (270 MB,
+# Qt among it); tests that miss these are skipped and say so.
+ci_packages=(clang-format-19 clang-tidy-19 libopencv-highgui-dev python3-vtk9 xdotool xvfb)
 
 script_name=scripts/${0##*/}
 fail() {
