@@ -33,7 +33,7 @@ void cover(RadiusProfile& profile, const Spline& spline) {
   auto& offset = profile.offset_m;
   if (offset.empty()) {
     profile.first = first;
-    offset.assign(static_cast<std::size_t>(last - first + 1), 0.0);
+    offset.assign(static_cast<std::size_t>(last - first) + 1, 0.0);
     return;
   }
   for (; profile.first > first; --profile.first) offset.insert(offset.begin(), 2.0 * offset[0] - offset[1]);
