@@ -31,15 +31,20 @@ tl::unexpected<Error> taken(const char* flag, const std::string& path, const cha
 
 }  // namespace
 
-Expected<void> keep_recording(const std::string& recording, const std::string& out, const std::string& overlay) {
+Expected<void> keep_recording(const std::string& recording, const std::string& out, const std::string& overlay,
+                              const std::string& save_heightmap) {
   if (recording.empty()) return {};
   const fs::path whole = resolved(recording);
-  std::error_code ignored;
-  if (!out.empty() && fs::is_regular_file(out, ignored)) {
-    const fs::path file = resolved(out);
-    const bool results = file.extension() == ".jsonl" && file.filename() != "truth.jsonl";
-    if (lies_in(file, whole) && !results) return taken("--out", out, "is a file of the recording");
-  }
+  const auto is_of_recording = [&](const fs::path& path) {
+    std::error_code ignored;
+    return !path.empty() && fs::is_regular_file(path, ignored) && lies_in(resolved(path.string()), whole);
+  };
+  const fs::path file(out);
+  const bool results = file.extension() == ".jsonl" && file.filename() != "truth.jsonl";
+  if (!results && is_of_recording(file)) return taken("--out", out, "is a file of the recording");
+  const fs::path heights(save_heightmap);
+  if (is_of_recording(heights) || (!heights.empty() && is_of_recording(fs::path(heights).replace_extension(".json"))))
+    return taken("--save-heightmap", save_heightmap, "is, or has beside it, a file of the recording");
   if (overlay.empty()) return {};
   const fs::path pictures = resolved(overlay);
   if (pictures == whole || pictures == whole / "depth")

@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "interrupts.hpp"
 #include "scan_outputs.hpp"
 #include "scan_result.hpp"
 #include "tubetrack/heightmap/plane_map.hpp"
@@ -52,7 +53,7 @@ Expected<FusedFrames> fuse_all(FrameSource& source, const TrackerConfig& config,
   HeightMap readings = make_height_map(camera);
   FusedFrames fused;
   DepthFrame frame;
-  for (;;) {
+  while (!interrupted()) {
     const FrameOutcome outcome = source.next(frame, std::chrono::seconds(1));
     if (outcome == FrameOutcome::end_of_stream) return fused;
     if (outcome == FrameOutcome::timeout) continue;
@@ -67,16 +68,20 @@ Expected<FusedFrames> fuse_all(FrameSource& source, const TrackerConfig& config,
     if (auto taken = fuse_frame(frame, config, cell_size_m, readings, fused); !taken)
       return tl::make_unexpected(taken.error());
   }
+  return fused;
 }
 
 }  // namespace
 
 Expected<int> run_plane_map(FrameSource& source, const TrackerConfig& config, const PlaneRunOptions& options) {
   const auto start = std::chrono::steady_clock::now();
+  catch_interrupts();
   auto fused = fuse_all(source, config, options.cell_size_m);
   if (!fused) return tl::make_unexpected(fused.error());
   if (fused->fused == 0)
     return tl::make_unexpected(Error::failed(fmt::format("{}: not one good frame came", source.info().name)));
+  // Ctrl-C ends the fusing: the tubes of what was fused until then are still told.
+  const bool ended_early = interrupted();
   const std::string frame_id = source.info().has_poses ? "world" : "camera";
   const HeightMapFile file = height_map_file_of(fused->map, frame_id);
   if (!options.save_heightmap.empty()) {
@@ -106,6 +111,11 @@ Expected<int> run_plane_map(FrameSource& source, const TrackerConfig& config, co
     fmt::print(stderr,
                "{} frames in a map of {} x {} cells of {:.2g} mm ({} bad or without a pose left out); {} tube(s)\n",
                fused->fused, file.width, file.height, 1e3 * file.cell_size_m, fused->left_out, result->tubes.size());
+  }
+  if (ended_early) return 130;
+  if (options.strict && fused->left_out > 0) {
+    return tl::make_unexpected(Error::failed(
+        fmt::format("{}: --strict, and {} frames are bad or without a pose", source.info().name, fused->left_out)));
   }
   return 0;
 }

@@ -55,6 +55,7 @@ Expected<PlaneRunOptions> plane_options_from(const ReplayOptions& options, const
   plane.out = options.track.out;
   plane.any_radius = options.track.radius_range.empty() && !config.radius_m;
   plane.with_timing = !options.track.no_timing;
+  plane.strict = options.track.strict;
   plane.quiet = options.track.quiet;
   return plane;
 }
@@ -73,7 +74,8 @@ Expected<int> replay(const ReplayOptions& options) {
   if (!reading) return tl::make_unexpected(reading.error());
   if (options.recording.empty())
     return tl::make_unexpected(Error::usage("replay: give the RECORDING to follow tubes in"));
-  if (auto kept = keep_recording(options.recording, options.track.out, options.track.overlay); !kept)
+  if (auto kept = keep_recording(options.recording, options.track.out, options.track.overlay, options.save_heightmap);
+      !kept)
     return tl::make_unexpected(kept.error());
   auto recording = open_recording(options.recording, *reading);
   if (!recording) return tl::make_unexpected(recording.error());

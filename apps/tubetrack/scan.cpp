@@ -212,7 +212,7 @@ Expected<void> run_scan(const ScanFlags& flags) {
   std::optional<double> step_m;
   if (auto read = read_length("--grid-step", flags.grid_step, "metres, above 0, like 0.001", step_m); !read)
     return read;
-  if (auto checked = check_scan_outputs(flags.outputs, flags.out, flags.file); !checked) return checked;
+  if (auto checked = check_scan_outputs(flags.outputs, flags.out, flags.file, flags.nominal); !checked) return checked;
   std::optional<double> tolerance_m;
   const auto nominal = nominal_from(flags, tolerance_m);
   if (!nominal) return tl::make_unexpected(nominal.error());

@@ -98,7 +98,8 @@ void add_scan_output_flags(CLI::App& command, ScanOutputs& outputs) {
   option("--picture", outputs.picture, "a picture of the input coloured so, and of the tubes beside it", "FILE.png");
 }
 
-Expected<void> check_scan_outputs(const ScanOutputs& outputs, const std::string& out, const std::string& input) {
+Expected<void> check_scan_outputs(const ScanOutputs& outputs, const std::string& out, const std::string& input,
+                                  const std::string& nominal) {
   namespace fs = std::filesystem;
   struct Output {
     const char* flag;
@@ -115,6 +116,7 @@ Expected<void> check_scan_outputs(const ScanOutputs& outputs, const std::string&
                         {"--picture", outputs.picture, {".png"}}};
   std::error_code ignored;
   std::map<fs::path, const char*> taken{{fs::weakly_canonical(input, ignored), "the scan itself"}};
+  if (!nominal.empty()) taken.emplace(fs::weakly_canonical(nominal, ignored), "what --nominal reads");
   for (const auto& [flag, path, extensions] : all) {
     if (path.empty()) continue;
     const fs::path file = fs::weakly_canonical(path, ignored);

@@ -18,7 +18,8 @@ void add_scan_output_flags(CLI::App& command, ScanOutputs& outputs);
 
 /// Before any work: names with the extension that the flag takes, in existing folders, none twice and none the input.
 /// `out` is where the JSON line goes, empty: stdout.
-Expected<void> check_scan_outputs(const ScanOutputs& outputs, const std::string& out, const std::string& input);
+Expected<void> check_scan_outputs(const ScanOutputs& outputs, const std::string& out, const std::string& input,
+                                  const std::string& nominal);
 
 /// Tubes and scan in metres, the scan in the file's frame: `scan.origin_m` and `scan.pose` take it to the tubes'. The
 /// summary of the error map goes to stderr. The error names the flag or the file.

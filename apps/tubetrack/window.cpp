@@ -10,18 +10,9 @@
 #include <opencv2/highgui.hpp>
 #include <string>
 
-namespace {
+#include "tubetrack/sensors/child_process.hpp"
 
-bool read_all(void* to, std::size_t bytes) {
-  auto* at = static_cast<char*>(to);
-  while (bytes > 0) {
-    const ssize_t got = read(STDIN_FILENO, at, bytes);
-    if (got <= 0) return false;
-    at += got;
-    bytes -= static_cast<std::size_t>(got);
-  }
-  return true;
-}
+namespace {
 
 bool something_to_read() {
   pollfd waiting{STDIN_FILENO, POLLIN, 0};
@@ -44,12 +35,12 @@ int main(int argc, char** argv) {
   while (!closed(title)) {
     if (!something_to_read()) continue;
     std::array<std::int32_t, 2> size{};
-    if (!read_all(size.data(), sizeof size)) return 0;
+    if (!tubetrack::receive_from_parent(size.data(), sizeof size)) return 0;
     if (picture.cols != size[0] || picture.rows != size[1]) {
       picture.create(size[1], size[0], CV_8UC3);
       cv::resizeWindow(title, size[0], size[1]);
     }
-    if (!read_all(picture.data, picture.total() * picture.elemSize())) return 0;
+    if (!tubetrack::receive_from_parent(picture.data, picture.total() * picture.elemSize())) return 0;
     cv::imshow(title, picture);
   }
   return 0;

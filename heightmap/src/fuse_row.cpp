@@ -11,18 +11,15 @@
 // Highway's own header comes after it.
 #include <hwy/highway.h>
 
+#include "lanes-inl.hpp"
+
 HWY_BEFORE_NAMESPACE();
 namespace tubetrack {
 namespace HWY_NAMESPACE {
 namespace {
 
-namespace hn = hwy::HWY_NAMESPACE;
-
-using D = hn::CappedTag<float, 16>;
-using DI = hn::Rebind<std::int32_t, D>;
 using D16 = hn::Rebind<std::uint16_t, D>;
 using D8 = hn::Rebind<std::uint8_t, D>;
-using V = hn::Vec<D>;
 
 constexpr int kMaxCount = 30;
 
@@ -31,12 +28,6 @@ struct Changed {
   std::uint64_t all = 0;
   std::uint64_t steady = 0;
 };
-
-HWY_INLINE std::uint64_t Bits(hn::Mask<D> mask) {
-  std::uint8_t bytes[8] = {};
-  hn::StoreMaskBits(D(), mask, bytes);
-  return bytes[0] | static_cast<std::uint64_t>(bytes[1]) << 8;
-}
 
 /// One over each count.
 HWY_INLINE V Share(hn::Vec<DI> count) {

@@ -101,4 +101,16 @@ void ChildProcess::hang_up() const {
   shutdown(socket_, SHUT_RDWR);
 }
 
+bool receive_from_parent(void* to, std::size_t bytes) {
+  auto* at = static_cast<char*>(to);
+  while (bytes > 0) {
+    const ssize_t got = read(STDIN_FILENO, at, bytes);
+    if (got < 0 && errno == EINTR) continue;
+    if (got <= 0) return false;
+    at += got;
+    bytes -= static_cast<std::size_t>(got);
+  }
+  return true;
+}
+
 }  // namespace tubetrack

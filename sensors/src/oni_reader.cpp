@@ -6,21 +6,11 @@
 #include <string>
 
 #include "oni_process.hpp"
+#include "tubetrack/sensors/child_process.hpp"
 
 namespace tubetrack {
 
 namespace {
-
-bool read_all(void* to, std::size_t bytes) {
-  auto* at = static_cast<char*>(to);
-  while (bytes > 0) {
-    const ssize_t got = read(STDIN_FILENO, at, bytes);
-    if (got <= 0) return false;
-    at += got;
-    bytes -= static_cast<std::size_t>(got);
-  }
-  return true;
-}
 
 /// To the program; where that is gone there is nothing left to do.
 void put(int to, const void* from, std::size_t bytes) {
@@ -74,9 +64,9 @@ int main() {
   const int to = dup(STDOUT_FILENO);
   dup2(STDERR_FILENO, STDOUT_FILENO);
   tubetrack::OniRequest request;
-  if (!tubetrack::read_all(&request, sizeof request)) return 2;
+  if (!tubetrack::receive_from_parent(&request, sizeof request)) return 2;
   std::string path(request.path_bytes, '\0');
-  if (!tubetrack::read_all(path.data(), path.size())) return 2;
+  if (!tubetrack::receive_from_parent(path.data(), path.size())) return 2;
   tubetrack::read_file(to, request, path);
   return 0;
 }

@@ -304,6 +304,11 @@ TEST_F(Replay, NoOutputGoesOverTheRecording) {
   expect_refused(replay({"--out", image(0).string()}), 2, {"is a file of the recording"});
   expect_refused(replay({"--overlay", image(0).parent_path().string()}), 2, {"--overlay", "the recording itself"});
   expect_refused(replay({"--overlay", recording_.path().string() + "/"}), 2, {"--overlay", "the recording itself"});
+  write_text(recording_ / "noise.json", "{}\n");
+  for (const std::string& heights : {image(0).string(), (recording_ / "noise.png").string()})
+    expect_refused(replay({"--noise", "kinect1", "--map", "plane", "--save-heightmap", heights}), 2,
+                   {"--save-heightmap", "a file of the recording"});
+  std::filesystem::remove(recording_ / "noise.json");
   EXPECT_EQ(read_text(recording_ / "truth.jsonl"), "true\n");
   for (int run = 0; run < 2; ++run)
     EXPECT_EQ(replay({"--out", (recording_ / "tubes.jsonl").string()}).exit_code, 0) << "results may be made anew";

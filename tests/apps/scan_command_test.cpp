@@ -104,6 +104,7 @@ TEST_F(ScanCommand, WrongUsageIsNamedAndEndsWithTwo) {
       {{file, "--picture", path("a.jpg")}, "--picture " + path("a.jpg") + ": takes a name that ends in .png"},
       {{file, "--out", file}, "--out " + file + ": is the scan itself too; give another name"},
       {{file, "--xyz", path("a.csv"), "--lra", path("a.csv")}, "is --xyz too; give another name"},
+      {{file, "--nominal", path("n.csv"), "--xyz", path("n.csv")}, "is what --nominal reads too; give another name"},
       {{file, "--lra", "/nowhere/a.csv"}, "--lra /nowhere/a.csv: "},
       {{path("none.off")}, "no such file"},
       {{path("")}, "is a folder"}};

@@ -7,6 +7,11 @@ namespace tubetrack {
 
 namespace {
 
+/// How far inside the silhouette a pixel must be, so that what jitters across it neither comes in nor is missing.
+float least_margin_px(const NoiseModel& noise) {
+  return 3.0F * static_cast<float>(noise.lateral_px);
+}
+
 /// Which pixels, and how many in each stretch.
 std::span<const Sighting::Chosen> choose(const HeightMap& map, const NoiseModel& noise,
                                          std::span<const PredictedPixel> pixels, const Gates& gates,
@@ -55,6 +60,26 @@ void observe(const HeightMap& map, const NoiseModel& noise, const Spline& spline
     const float s = std::clamp(pixel.t, 0.0F, spans) - static_cast<float>(span);
     put(from_origin, direction, 1.0F / (pixel.sigma_m * pixel.sigma_m), s, at, side);
   }
+}
+
+std::vector<Observation> select_observations(const HeightMap& map, const NoiseModel& noise,
+                                             const std::vector<PredictedPixel>& predicted, double gate_m,
+                                             double gate_sigmas, const Extent& extent) {
+  const float margin_px = least_margin_px(noise);
+  const DisparityLevels levels = levels_of_readings(map, noise);
+  std::vector<Observation> observations;
+  observations.reserve(predicted.size());
+  for (const PredictedPixel& pixel : predicted) {
+    const float measured = map.depth_m[pixel.cell];
+    if (measured <= 0.0F || pixel.cos_incidence < kCos75 || pixel.margin_px < margin_px) continue;
+    if (pixel.t < extent.t_begin || pixel.t > extent.t_end) continue;
+    const double depth_m = unbiased_m(levels, pixel, measured);
+    if (std::abs(depth_m - pixel.depth_m) > gate_m + gate_sigmas * pixel.sigma_m) continue;
+    const Eigen::Vector3d ray(map.rays[pixel.cell].x(), map.rays[pixel.cell].y(), 1.0);
+    const double norm = ray.norm();
+    observations.push_back({depth_m * ray, ray / norm, pixel.sigma_m * norm, pixel.t});
+  }
+  return observations;
 }
 
 }  // namespace tubetrack

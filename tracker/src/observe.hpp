@@ -11,9 +11,6 @@
 
 namespace tubetrack {
 
-/// How far inside the silhouette a pixel must be, so that what jitters across it neither comes in nor is missing.
-float least_margin_px(const NoiseModel& noise);
-
 /// The reading without the bias of its rounding and of the jitter.
 inline double unbiased_m(const DisparityLevels& levels, const PredictedPixel& pixel, float measured_m) {
   return depth_of_level_m(levels, measured_m) - pixel.jitter_bias_m;

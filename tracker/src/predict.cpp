@@ -8,7 +8,6 @@
 #include <optional>
 #include <tuple>
 
-#include "observe.hpp"
 #include "predict_row.hpp"
 
 namespace tubetrack {
@@ -294,29 +293,6 @@ std::vector<PredictedPixel> predict_pixels(const HeightMap& map, const NoiseMode
   std::vector<PredictedPixel> pixels;
   predict_pixels(map, noise, model, stride, pixels);
   return pixels;
-}
-
-float least_margin_px(const NoiseModel& noise) {
-  return 3.0F * static_cast<float>(noise.lateral_px);
-}
-
-std::vector<Observation> select_observations(const HeightMap& map, const NoiseModel& noise,
-                                             const std::vector<PredictedPixel>& predicted, double gate_m,
-                                             double gate_sigmas, const Extent& extent) {
-  const DisparityLevels levels = levels_of_readings(map, noise);
-  std::vector<Observation> observations;
-  observations.reserve(predicted.size());
-  for (const PredictedPixel& pixel : predicted) {
-    const float measured = map.depth_m[pixel.cell];
-    if (measured <= 0.0F || pixel.cos_incidence < kCos75 || pixel.margin_px < least_margin_px(noise)) continue;
-    if (pixel.t < extent.t_begin || pixel.t > extent.t_end) continue;
-    const double depth_m = unbiased_m(levels, pixel, measured);
-    if (std::abs(depth_m - pixel.depth_m) > gate_m + gate_sigmas * pixel.sigma_m) continue;
-    const Eigen::Vector3d ray(map.rays[pixel.cell].x(), map.rays[pixel.cell].y(), 1.0);
-    const double norm = ray.norm();
-    observations.push_back({depth_m * ray, ray / norm, pixel.sigma_m * norm, pixel.t});
-  }
-  return observations;
 }
 
 }  // namespace tubetrack

@@ -48,4 +48,7 @@ class ChildProcess {
   int socket_ = -1;
 };
 
+/// In such a process: all of the bytes that the program which started it sends; false where that is gone.
+bool receive_from_parent(void* to, std::size_t bytes);
+
 }  // namespace tubetrack
