@@ -34,6 +34,7 @@ Examples:
   tubetrack scan post.pcd --unit m --out post.jsonl
   tubetrack scan aorta.nii.gz --radius-range 0.01:0.03
   tubetrack scan pipe.stl --lra bends.csv --error-map errors.ply --picture pipe.png
+  tubetrack scan pipe.stl --step pipe.step
   tubetrack scan relief.png --cell-size 0.0005 --height-scale 0.00001
   tubetrack scan pipe.stl --nominal pipe.csv --tolerance 0.5
 

@@ -101,6 +101,7 @@ TEST_F(ScanCommand, WrongUsageIsNamedAndEndsWithTwo) {
       {{file, "--grid-step", "x"}, "--grid-step x: takes metres"},
       {{file, "--out", "/nowhere/a.jsonl"}, "--out /nowhere/a.jsonl: "},
       {{file, "--mesh", path("a.xyz")}, "a.xyz: takes a name that ends in .ply, .obj, .stl"},
+      {{file, "--step", path("a.iges")}, "a.iges: takes a name that ends in .step, .stp"},
       {{file, "--picture", path("a.jpg")}, "--picture " + path("a.jpg") + ": takes a name that ends in .png"},
       {{file, "--out", file}, "--out " + file + ": is the scan itself too; give another name"},
       {{file, "--xyz", path("a.csv"), "--lra", path("a.csv")}, "is --xyz too; give another name"},
@@ -216,6 +217,25 @@ print(json.dumps(seen))
   EXPECT_EQ(read["x.csv"].size(), tube["bend_table"]["xyz_m"].size());
 }
 
+TEST_F(ScanCommand, StepHasTheTubesOfTheLine) {
+  const ProgramEnd end = scan({write("pipe.off", off_text(bent_pipe())), "--step", path("p.step")});
+  if (end.exit_code == 1 && end.err.find("libocct-data-exchange-dev") != std::string::npos)
+    GTEST_SKIP() << "built without OpenCASCADE";
+  ASSERT_EQ(end.exit_code, 0) << end.err;
+  EXPECT_EQ(end.out_lines().size(), 1U) << "nothing of OpenCASCADE's own on stdout";
+  const std::string step = read_text(folder_ / "p.step");
+  EXPECT_THAT(step, HasSubstr("PRODUCT('tube 1','tube 1'"));
+  EXPECT_THAT(step, HasSubstr("TOROIDAL_SURFACE"));
+  // By hand the line gives the same file.
+  write("line.jsonl", end.out);
+  const std::string command = "'" + std::filesystem::path(TUBETRACK_PROGRAM).parent_path().string() +
+                              "/tubetrack_step' '" + path("q.step") + "' < '" + path("line.jsonl") + "' > '" +
+                              path("said.txt") + "'";
+  EXPECT_EQ(std::system(command.c_str()), 0);
+  EXPECT_EQ(read_text(folder_ / "said.txt"), "written\n");
+  EXPECT_EQ(read_text(folder_ / "q.step"), step);
+}
+
 TEST_F(ScanCommand, AClosedTubesSurfaceIsClosed) {
   if (std::system("/usr/bin/python3 -c 'import vtk' 2> /dev/null") != 0)
     GTEST_SKIP() << "python3-vtk9 is not installed";
@@ -224,6 +244,7 @@ TEST_F(ScanCommand, AClosedTubesSurfaceIsClosed) {
   ASSERT_EQ(end.exit_code, 0) << end.err;
   const auto tube = nlohmann::json::parse(end.out)["tubes"][0];
   EXPECT_TRUE(tube.value("closed", false));
+  EXPECT_EQ(tube["segments"].size(), 1U) << "a ring is one torus";
   const std::string seen = seen_by_vtk(folder_, R"(import json, os, sys, vtk
 reader = vtk.vtkSTLReader()
 reader.SetFileName(os.path.join(sys.argv[1], "m.stl"))
