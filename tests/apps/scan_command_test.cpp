@@ -118,6 +118,32 @@ TEST_F(ScanCommand, WrongUsageIsNamedAndEndsWithTwo) {
   EXPECT_EQ(read_text(file), off_text(bent_pipe())) << "the scan is as it was";
 }
 
+TEST_F(ScanCommand, AFlagThatDoesNothingForTheKindOfFileIsRefused) {
+  const std::string mesh = write("pipe.off", off_text(bent_pipe()));
+  const std::string volume =
+      write("ring.nii", nifti_bytes({60, 60, 20}, {1.0F, 1.0F, 1.0F}, torus_voxels(60, 20, 20.0, 6.0)));
+  ASSERT_TRUE(cv::imwrite(path("h.png"), cv::Mat(20, 20, CV_16U, cv::Scalar(100))));
+  const std::string heights = path("h.png");
+  const std::pair<std::vector<std::string>, std::string> cases[] = {
+      {{mesh, "--label", "1"}, "--label 1: does nothing for a mesh, only for voxels; leave it out"},
+      {{mesh, "--threshold", "1"}, "--threshold 1: does nothing for a mesh"},
+      {{mesh, "--cell-size", "1"}, "--cell-size 1: does nothing for a mesh, only for voxels and height maps"},
+      {{mesh, "--normals", "vcm"}, "--normals vcm: does nothing for a mesh"},
+      {{volume, "--height-scale", "1"}, "--height-scale 1: does nothing for voxels, only for height maps"},
+      {{volume, "--normals", "best"}, "--normals best: takes smooth or vcm"},
+      {{heights, "--cell-size", "0.001", "--height-scale", "0.00001", "--unit", "m"},
+       "--unit m: does nothing for a height map"},
+      {{heights, "--cell-size", "0.001", "--height-scale", "0.00001", "--label", "1"},
+       "--label 1: does nothing for a height map"}};
+  for (const auto& [arguments, message] : cases) {
+    const ProgramEnd end = scan(arguments);
+    EXPECT_EQ(end.exit_code, 2) << message;
+    EXPECT_THAT(end.err, HasSubstr(message));
+    EXPECT_EQ(end.out, "");
+  }
+  EXPECT_EQ(scan({volume, "--normals", "vcm", "--label", "1"}).exit_code, 0);
+}
+
 TEST_F(ScanCommand, FilesThatAreNoGoodGiveOneLineAndEndWithOne) {
   const std::string whole = off_text(bent_pipe());
   const std::pair<const char*, std::string> files[] = {{"empty.off", ""},
