@@ -50,9 +50,10 @@ class Layer {
   void hand_out(std::span<const Eigen::Vector3d> points, double z, std::vector<Moments>& moments) {
     for (const std::size_t at : touched_) {
       const std::uint32_t index = nearest_[at].index;
-      const auto width = static_cast<std::size_t>(width_);
+      const std::size_t row = at / static_cast<std::size_t>(width_);
+      const std::size_t col = at % static_cast<std::size_t>(width_);
       const Eigen::Vector3d off =
-          Eigen::Vector3d(static_cast<double>(at % width), static_cast<double>(at / width), z) - points[index];
+          Eigen::Vector3d(static_cast<double>(col), static_cast<double>(row), z) - points[index];
       moments[index] += (Moments() << off.x() * off.x(), off.x() * off.y(), off.x() * off.z(), off.y() * off.y(),
                          off.y() * off.z(), off.z() * off.z())
                             .finished();
