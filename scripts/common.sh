@@ -15,9 +15,9 @@ peer_packages=(libcgal-dev libpcl-dev)
 speed_peer_packages=(libopencv-contrib-dev)
 # What scripts/long-qemu needs besides; what runs in the emulated machine is unpacked, not installed.
 qemu_packages=(qemu-system-x86)
-# What .ci/run needs besides: to check sources, to read exports back (260 MB) and to see the window of --view (270 MB,
-# Qt among it); tests that miss these are skipped and say so.
-ci_packages=(clang-format-19 clang-tidy-19 libopencv-highgui-dev python3-vtk9 xdotool xvfb)
+# What .ci/run needs besides: to check sources, to read exports back (260 MB), to write STEP (183 MB) and to see the
+# window of --view (270 MB, Qt among it); tests that miss these are skipped and say so.
+ci_packages=(clang-format-19 clang-tidy-19 libocct-data-exchange-dev libopencv-highgui-dev python3-vtk9 xdotool xvfb)
 
 script_name=scripts/${0##*/}
 fail() {

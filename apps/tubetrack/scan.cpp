@@ -6,8 +6,8 @@
 #include <utility>
 
 #include "commands.hpp"
-#include "flag_values.hpp"
 #include "run.hpp"
+#include "scan_flags.hpp"
 #include "scan_outputs.hpp"
 #include "scan_result.hpp"
 #include "tubetrack/replay/scan_surfels.hpp"
@@ -34,86 +34,11 @@ Examples:
   tubetrack scan post.pcd --unit m --out post.jsonl
   tubetrack scan aorta.nii.gz --radius-range 0.01:0.03
   tubetrack scan pipe.stl --lra bends.csv --error-map errors.ply --picture pipe.png
+  tubetrack scan pipe.stl --step pipe.step
   tubetrack scan relief.png --cell-size 0.0005 --height-scale 0.00001
   tubetrack scan pipe.stl --nominal pipe.csv --tolerance 0.5
 
 Exit codes: 0 done; 1 unreadable, no tube in it, or out of tolerance; 2 wrong usage. docs/scans.md has more.)";
-
-struct ScanFlags {
-  std::string file;
-  std::string unit, grid_step, radius, radius_range, label, threshold, cell_size, height_scale;
-  std::string out, nominal, tolerance;
-  ScanOutputs outputs;
-  bool no_timing = false, quiet = false;
-};
-
-/// Reads a flag that holds one number above 0 into `value`, if it was given.
-Expected<void> read_length(std::string_view flag, const std::string& text, std::string_view form,
-                           std::optional<double>& value) {
-  if (text.empty()) return {};
-  value = number_from<double>(text);
-  if (!value || *value <= 0.0) return malformed(flag, text, form);
-  return {};
-}
-
-Expected<void> read_value(std::string_view flag, const std::string& text, std::optional<double>& value) {
-  if (text.empty()) return {};
-  value = number_from<double>(text);
-  if (!value) return malformed(flag, text, "a number, like 1");
-  return {};
-}
-
-Expected<ScanOptions> scan_options_from(const ScanFlags& flags) {
-  ScanOptions options;
-  if (flags.unit == "mm") {
-    options.unit = ScanUnit::millimetre;
-  } else if (flags.unit == "m") {
-    options.unit = ScanUnit::metre;
-  } else if (flags.unit == "voxel") {
-    options.unit = ScanUnit::voxel;
-  } else if (!flags.unit.empty()) {
-    return malformed("--unit", flags.unit, "mm, m or voxel");
-  }
-  const std::initializer_list<Expected<void>> checks{
-      read_length("--cell-size", flags.cell_size, "metres, above 0, like 0.0005", options.cell_size_m),
-      read_length("--height-scale", flags.height_scale, "metres per count, above 0, like 0.00001",
-                  options.height_scale_m),
-      read_value("--label", flags.label, options.label), read_value("--threshold", flags.threshold, options.threshold)};
-  for (const Expected<void>& check : checks) {
-    if (!check) return tl::make_unexpected(check.error());
-  }
-  return options;
-}
-
-/// Everything but what the scan itself says.
-Expected<void> apply_radius(const ScanFlags& flags, ScanTubesConfig& config) {
-  if (!flags.radius.empty() && !flags.radius_range.empty())
-    return tl::make_unexpected(Error::usage("--radius and --radius-range: give one of the two"));
-  if (auto read =
-          read_length("--radius", flags.radius, "the tubes' radius in metres, above 0, like 0.02", config.radius_m);
-      !read)
-    return read;
-  if (flags.radius_range.empty()) return {};
-  const auto range = numbers_from<double, 2>(flags.radius_range, ':');
-  if (!range || (*range)[0] <= 0.0 || (*range)[1] <= (*range)[0])
-    return malformed("--radius-range", flags.radius_range, "MIN:MAX in metres, 0 < MIN < MAX, like 0.01:0.03");
-  config.radius_min_m = (*range)[0];
-  config.radius_max_m = (*range)[1];
-  return {};
-}
-
-std::string_view name_of(ScanKind kind) {
-  switch (kind) {
-    case ScanKind::mesh:
-      return "mesh";
-    case ScanKind::cloud:
-      return "point cloud";
-    case ScanKind::voxels:
-      return "voxels";
-    default:
-      return "height map";
-  }
-}
 
 /// How large the file was and in which unit it was taken to be.
 void print_scan(const ScanFlags& flags, const Scan& scan, std::size_t surfels, double seconds) {
@@ -194,24 +119,15 @@ Expected<void> judge(const std::string& file, std::span<const NominalComparison>
   return {};
 }
 
-/// --nominal and --tolerance.
-Expected<std::vector<NominalTube>> nominal_from(const ScanFlags& flags, std::optional<double>& tolerance_m) {
-  if (auto read = read_length("--tolerance", flags.tolerance, "millimetres, above 0, like 0.5", tolerance_m); !read)
-    return tl::make_unexpected(read.error());
-  if (tolerance_m) *tolerance_m *= 1e-3;
-  if (!flags.nominal.empty()) return read_nominal_csv(flags.nominal);
-  if (tolerance_m) return tl::make_unexpected(Error::usage("--tolerance: give --nominal FILE.csv as well"));
-  return std::vector<NominalTube>();
-}
-
 Expected<void> run_scan(const ScanFlags& flags) {
   const auto options = scan_options_from(flags);
   if (!options) return tl::make_unexpected(options.error());
   ScanTubesConfig config;
   if (auto applied = apply_radius(flags, config); !applied) return applied;
-  std::optional<double> step_m;
-  if (auto read = read_length("--grid-step", flags.grid_step, "metres, above 0, like 0.001", step_m); !read)
-    return read;
+  const auto normals = normals_from(flags);
+  if (!normals) return tl::make_unexpected(normals.error());
+  const auto step_m = grid_step_from(flags);
+  if (!step_m) return tl::make_unexpected(step_m.error());
   if (auto checked = check_scan_outputs(flags.outputs, flags.out, flags.file, flags.nominal); !checked) return checked;
   std::optional<double> tolerance_m;
   const auto nominal = nominal_from(flags, tolerance_m);
@@ -223,11 +139,14 @@ Expected<void> run_scan(const ScanFlags& flags) {
   } else {
     return tl::make_unexpected(read.error());
   }
-  if (step_m) scan.grid_step_m = *step_m;
-  const std::vector<Surfel> surfels = surfels_of(scan);
+  if (auto fit = check_flags_fit(flags, scan.kind); !fit) return fit;
+  if (*step_m) scan.grid_step_m = **step_m;
+  ScanSurfelOptions surfel_options;
+  surfel_options.normals = *normals;
+  const std::vector<Surfel> surfels = surfels_of(scan, surfel_options);
   const std::chrono::duration<double> seconds = std::chrono::steady_clock::now() - begin;
   if (!flags.quiet) print_scan(flags, scan, surfels.size(), seconds.count());
-  config.cell_m = step_m;
+  config.cell_m = *step_m;
   TubeFrame frame;
   if (auto found = tubes_of_scan(scan, surfels, config, flags.radius_range.empty() && !config.radius_m)) {
     frame = std::move(*found);
@@ -261,28 +180,7 @@ void add_scan(CLI::App& app, int& exit_code) {
   auto flags = std::make_shared<ScanFlags>();
   CLI::App* command = app.add_subcommand("scan", "find the tubes of a static scan: mesh, cloud, voxels, height map");
   command->footer(kFooter);
-  const auto option = [&](const char* name, std::string& value, const char* what, const char* type) {
-    command->add_option(name, value, what)->type_name(type);
-  };
-  command->add_option("FILE", flags->file, "the scan")->required();
-  option("--unit", flags->unit, "what a length of 1 in the file is; mm for meshes and clouds, volumes' headers say it",
-         "mm|m|voxel");
-  option("--radius", flags->radius, "the tubes' radius in metres, where it is known; found if left out", "M");
-  option("--radius-range", flags->radius_range, "look for radii in this range only, in metres", "MIN:MAX");
-  option("--grid-step", flags->grid_step,
-         "grid step of the votes, in metres; if left out, by the radius and how dense the scan is", "M");
-  option("--label", flags->label, "voxels: those of this value are the body", "N");
-  option("--threshold", flags->threshold, "voxels: those of this value and above are the body", "T");
-  option("--cell-size", flags->cell_size, "metres a cell of a height map, or a voxel, in place of the header's", "M");
-  option("--height-scale", flags->height_scale, "metres per count of a height map", "S");
-  option("--nominal", flags->nominal,
-         "what a bent tube should be: XYZ points as --xyz writes them; prints the deviations", "FILE.csv");
-  option("--tolerance", flags->tolerance,
-         "with --nominal: in millimetres; the exit code is 1 where a tube is out of it", "MM");
-  option("--out", flags->out, "write the result here instead of to stdout", "FILE");
-  add_scan_output_flags(*command, flags->outputs);
-  command->add_flag("--no-timing", flags->no_timing, "leave times out of the result: equal scans give equal bytes");
-  command->add_flag("--quiet", flags->quiet, "no summary on stderr, errors only");
+  add_scan_flags(*command, *flags);
   command->callback([flags, &exit_code] {
     const auto done = run_scan(*flags);
     exit_code = done ? 0 : report_error(done.error());

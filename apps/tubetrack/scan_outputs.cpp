@@ -9,18 +9,23 @@
 #include <filesystem>
 #include <fstream>
 #include <map>
+#include <sstream>
 #include <system_error>
 #include <tuple>
 #include <vector>
 
 #include "flag_values.hpp"
+#include "tubetrack/report/result_json.hpp"
 #include "tubetrack/report/scan_picture.hpp"
 #include "tubetrack/report/surface_mesh.hpp"
 #include "tubetrack/report/tube_tables.hpp"
+#include "tubetrack/sensors/child_process.hpp"
 
 namespace tubetrack {
 
 namespace {
+
+constexpr const char* kStepProgram = "tubetrack_step";
 
 /// The input as it is drawn and compared: a mesh's own faces, else the surfels' places.
 SurfaceMesh surface_of_scan(const Scan& scan, std::span<const Surfel> surfels) {
@@ -47,6 +52,28 @@ Expected<void> write_tables(const ScanOutputs& outputs, std::span<const Tube> tu
     if (auto written = write_text_file(flag, *path, table(tubes)); !written) return written;
   }
   return {};
+}
+
+/// By the program beside this one, which says in lines what it left out, and at last that it is done or why not.
+Expected<void> write_step_file(const std::string& path, std::span<const Tube> tubes) {
+  if (path.empty()) return {};
+  const auto program = ChildProcess::start(kStepProgram, {path});
+  if (!program) return tl::make_unexpected(program.error());
+  TubeFrame frame;
+  frame.tubes.assign(tubes.begin(), tubes.end());
+  const std::string line = result_line(frame, false) + "\n";
+  std::string said;
+  if (program->send(line.data(), line.size())) {
+    for (char byte = 0; program->receive(&byte, 1);) said += byte;
+  }
+  std::istringstream lines(said);
+  std::string last;
+  for (std::string next; std::getline(lines, next); last = next) {
+    if (next.starts_with("note: ")) fmt::print(stderr, "{}\n", next);
+  }
+  if (last == "written") return {};
+  return tl::make_unexpected(
+      Error::failed(fmt::format("--step {}", last.empty() ? path + ": " + kStepProgram + " broke down" : last)));
 }
 
 /// The tubes' surface, the input coloured by its distance to it, and a picture of both.
@@ -93,6 +120,7 @@ void add_scan_output_flags(CLI::App& command, ScanOutputs& outputs) {
   option("--lra", outputs.lra, "the bend tables' lengths, rotations and angles as CSV", "FILE.csv");
   option("--vtk", outputs.vtk, "the centrelines as VTK polydata", "FILE.vtk");
   option("--mesh", outputs.mesh, "the tubes' surface, by the name's extension PLY, OBJ or STL", "FILE");
+  option("--step", outputs.step, "the tubes as solids for CAD: cylinders and tori, in millimetres", "FILE.step");
   option("--error-map", outputs.error_map, "the input coloured by its distance to the tubes; prints a summary of it",
          "FILE.ply");
   option("--picture", outputs.picture, "a picture of the input coloured so, and of the tubes beside it", "FILE.png");
@@ -112,6 +140,7 @@ Expected<void> check_scan_outputs(const ScanOutputs& outputs, const std::string&
                         {"--lra", outputs.lra, {".csv"}},
                         {"--vtk", outputs.vtk, {".vtk"}},
                         {"--mesh", outputs.mesh, {".ply", ".obj", ".stl"}},
+                        {"--step", outputs.step, {".step", ".stp"}},
                         {"--error-map", outputs.error_map, {".ply"}},
                         {"--picture", outputs.picture, {".png"}}};
   std::error_code ignored;
@@ -129,12 +158,17 @@ Expected<void> check_scan_outputs(const ScanOutputs& outputs, const std::string&
     return tl::make_unexpected(
         Error::usage(fmt::format("{} {}: is {} too; give another name", flag, path, other->second)));
   }
+  if (!outputs.step.empty() && ChildProcess::beside_us(kStepProgram).empty()) {
+    return tl::make_unexpected(Error::failed(
+        "--step: this tubetrack was built without OpenCASCADE; install libocct-data-exchange-dev and build again"));
+  }
   return {};
 }
 
 Expected<void> write_scan_outputs(const ScanOutputs& outputs, const Scan& scan, std::span<const Surfel> surfels,
                                   std::span<const Tube> tubes) {
   if (auto written = write_tables(outputs, tubes); !written) return written;
+  if (auto written = write_step_file(outputs.step, tubes); !written) return written;
   return write_surfaces(outputs, scan, surfels, tubes);
 }
 

@@ -4,6 +4,7 @@
 
 #include "tubetrack/heightmap/surfel.hpp"
 #include "tubetrack/replay/scan_file.hpp"
+#include "tubetrack/replay/scan_surfels.hpp"
 
 namespace tubetrack {
 
@@ -17,17 +18,24 @@ struct BoundaryFace {
 std::vector<BoundaryFace> boundary_faces(const VoxelGrid& grid);
 
 /// Unit outward normals of the faces: the faces' own, averaged over a ball with Gaussian weights (σ half the radius),
-/// which is the gradient of the smoothed body. The place for another estimator with the same radius, such as the
-/// digital Voronoi covariance measure that the paper uses (section 3).
+/// which is the gradient of the smoothed body.
 std::vector<Eigen::Vector3f> smoothed_normals(const std::vector<BoundaryFace>& faces, double radius_m);
+
+/// How normals are estimated: the method, and how far around a place.
+struct NormalWindow {
+  GridNormals method = GridNormals::smoothed;
+  double radius_m = 0.0;
+};
 
 /// A surfel a boundary face; `pattern` has what all surfels share. Its weight is the face's area as the surface runs
 /// through it: the faces of a slanted surface are more than its area.
-void add_voxel_surfels(const VoxelGrid& grid, const Surfel& pattern, double radius_m, std::vector<Surfel>& surfels);
+void add_voxel_surfels(const VoxelGrid& grid, const Surfel& pattern, const NormalWindow& window,
+                       std::vector<Surfel>& surfels);
 
 /// A surfel a cell: least-squares planes over the square of ± radius_m around it. Neighbours that rise more steeply
 /// than 75° from the cell are on the far side of an edge and left out; cells with fewer than half of their neighbours
-/// have no surfel.
-void add_height_surfels(const HeightGrid& grid, const Surfel& pattern, double radius_m, std::vector<Surfel>& surfels);
+/// have no surfel. With the Voronoi measure cells that are steeper than 75° have none.
+void add_height_surfels(const HeightGrid& grid, const Surfel& pattern, const NormalWindow& window,
+                        std::vector<Surfel>& surfels);
 
 }  // namespace tubetrack

@@ -160,10 +160,10 @@ std::vector<Surfel> surfels_of(const Scan& scan, const ScanSurfelOptions& option
       add_cloud(scan, pattern, surfels);
       break;
     case ScanKind::voxels:
-      add_voxel_surfels(scan.voxels, pattern, radius_m, surfels);
+      add_voxel_surfels(scan.voxels, pattern, {options.normals, radius_m}, surfels);
       break;
     case ScanKind::height_map:
-      add_height_surfels(scan.heights, pattern, radius_m, surfels);
+      add_height_surfels(scan.heights, pattern, {options.normals, radius_m}, surfels);
       break;
   }
   return surfels;

@@ -3,6 +3,7 @@
 
 #include "grid_surfels.hpp"
 #include "point_tree.hpp"
+#include "voronoi_normals.hpp"
 
 namespace tubetrack {
 
@@ -73,11 +74,29 @@ std::vector<Eigen::Vector3f> smoothed_normals(const std::vector<BoundaryFace>& f
   return normals;
 }
 
-void add_voxel_surfels(const VoxelGrid& grid, const Surfel& pattern, double radius_m, std::vector<Surfel>& surfels) {
+namespace {
+
+std::vector<Eigen::Vector3f> voronoi_normals_of(const std::vector<BoundaryFace>& faces, double step_m,
+                                                double radius_m) {
+  std::vector<Eigen::Vector3d> centers_m, outward;
+  for (const BoundaryFace& face : faces) {
+    centers_m.push_back(face.center_m);
+    outward.push_back(face.outward_area_m2);
+  }
+  return voronoi_normals(centers_m, outward, {step_m, kVoronoiOffset * radius_m, kVoronoiRadius * radius_m});
+}
+
+}  // namespace
+
+void add_voxel_surfels(const VoxelGrid& grid, const Surfel& pattern, const NormalWindow& window,
+                       std::vector<Surfel>& surfels) {
   const std::vector<BoundaryFace> faces = boundary_faces(grid);
   if (faces.empty()) return;
-  const std::vector<Eigen::Vector3f> normals = smoothed_normals(faces, radius_m);
-  const double step_area = std::pow(std::abs(grid.axes_m.determinant()), 2.0 / 3.0);
+  const double step_m = std::cbrt(std::abs(grid.axes_m.determinant()));
+  const std::vector<Eigen::Vector3f> normals = window.method == GridNormals::voronoi
+                                                   ? voronoi_normals_of(faces, step_m, window.radius_m)
+                                                   : smoothed_normals(faces, window.radius_m);
+  const double step_area = step_m * step_m;
   surfels.reserve(faces.size());
   for (std::size_t i = 0; i < faces.size(); ++i) {
     Surfel surfel = pattern;

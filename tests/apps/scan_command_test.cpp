@@ -101,6 +101,7 @@ TEST_F(ScanCommand, WrongUsageIsNamedAndEndsWithTwo) {
       {{file, "--grid-step", "x"}, "--grid-step x: takes metres"},
       {{file, "--out", "/nowhere/a.jsonl"}, "--out /nowhere/a.jsonl: "},
       {{file, "--mesh", path("a.xyz")}, "a.xyz: takes a name that ends in .ply, .obj, .stl"},
+      {{file, "--step", path("a.iges")}, "a.iges: takes a name that ends in .step, .stp"},
       {{file, "--picture", path("a.jpg")}, "--picture " + path("a.jpg") + ": takes a name that ends in .png"},
       {{file, "--out", file}, "--out " + file + ": is the scan itself too; give another name"},
       {{file, "--xyz", path("a.csv"), "--lra", path("a.csv")}, "is --xyz too; give another name"},
@@ -115,6 +116,32 @@ TEST_F(ScanCommand, WrongUsageIsNamedAndEndsWithTwo) {
     EXPECT_EQ(end.out, "") << "before any work";
   }
   EXPECT_EQ(read_text(file), off_text(bent_pipe())) << "the scan is as it was";
+}
+
+TEST_F(ScanCommand, AFlagThatDoesNothingForTheKindOfFileIsRefused) {
+  const std::string mesh = write("pipe.off", off_text(bent_pipe()));
+  const std::string volume =
+      write("ring.nii", nifti_bytes({60, 60, 20}, {1.0F, 1.0F, 1.0F}, torus_voxels(60, 20, 20.0, 6.0)));
+  ASSERT_TRUE(cv::imwrite(path("h.png"), cv::Mat(20, 20, CV_16U, cv::Scalar(100))));
+  const std::string heights = path("h.png");
+  const std::pair<std::vector<std::string>, std::string> cases[] = {
+      {{mesh, "--label", "1"}, "--label 1: does nothing for a mesh, only for voxels; leave it out"},
+      {{mesh, "--threshold", "1"}, "--threshold 1: does nothing for a mesh"},
+      {{mesh, "--cell-size", "1"}, "--cell-size 1: does nothing for a mesh, only for voxels and height maps"},
+      {{mesh, "--normals", "vcm"}, "--normals vcm: does nothing for a mesh"},
+      {{volume, "--height-scale", "1"}, "--height-scale 1: does nothing for voxels, only for height maps"},
+      {{volume, "--normals", "best"}, "--normals best: takes smooth or vcm"},
+      {{heights, "--cell-size", "0.001", "--height-scale", "0.00001", "--unit", "m"},
+       "--unit m: does nothing for a height map"},
+      {{heights, "--cell-size", "0.001", "--height-scale", "0.00001", "--label", "1"},
+       "--label 1: does nothing for a height map"}};
+  for (const auto& [arguments, message] : cases) {
+    const ProgramEnd end = scan(arguments);
+    EXPECT_EQ(end.exit_code, 2) << message;
+    EXPECT_THAT(end.err, HasSubstr(message));
+    EXPECT_EQ(end.out, "");
+  }
+  EXPECT_EQ(scan({volume, "--normals", "vcm", "--label", "1"}).exit_code, 0);
 }
 
 TEST_F(ScanCommand, FilesThatAreNoGoodGiveOneLineAndEndWithOne) {
@@ -216,6 +243,25 @@ print(json.dumps(seen))
   EXPECT_EQ(read["x.csv"].size(), tube["bend_table"]["xyz_m"].size());
 }
 
+TEST_F(ScanCommand, StepHasTheTubesOfTheLine) {
+  const ProgramEnd end = scan({write("pipe.off", off_text(bent_pipe())), "--step", path("p.step")});
+  if (end.exit_code == 1 && end.err.find("libocct-data-exchange-dev") != std::string::npos)
+    GTEST_SKIP() << "built without OpenCASCADE";
+  ASSERT_EQ(end.exit_code, 0) << end.err;
+  EXPECT_EQ(end.out_lines().size(), 1U) << "nothing of OpenCASCADE's own on stdout";
+  const std::string step = read_text(folder_ / "p.step");
+  EXPECT_THAT(step, HasSubstr("PRODUCT('tube 1','tube 1'"));
+  EXPECT_THAT(step, HasSubstr("TOROIDAL_SURFACE"));
+  // By hand the line gives the same file.
+  write("line.jsonl", end.out);
+  const std::string command = "'" + std::filesystem::path(TUBETRACK_PROGRAM).parent_path().string() +
+                              "/tubetrack_step' '" + path("q.step") + "' < '" + path("line.jsonl") + "' > '" +
+                              path("said.txt") + "'";
+  EXPECT_EQ(std::system(command.c_str()), 0);
+  EXPECT_EQ(read_text(folder_ / "said.txt"), "written\n");
+  EXPECT_EQ(read_text(folder_ / "q.step"), step);
+}
+
 TEST_F(ScanCommand, AClosedTubesSurfaceIsClosed) {
   if (std::system("/usr/bin/python3 -c 'import vtk' 2> /dev/null") != 0)
     GTEST_SKIP() << "python3-vtk9 is not installed";
@@ -224,6 +270,7 @@ TEST_F(ScanCommand, AClosedTubesSurfaceIsClosed) {
   ASSERT_EQ(end.exit_code, 0) << end.err;
   const auto tube = nlohmann::json::parse(end.out)["tubes"][0];
   EXPECT_TRUE(tube.value("closed", false));
+  EXPECT_EQ(tube["segments"].size(), 1U) << "a ring is one torus";
   const std::string seen = seen_by_vtk(folder_, R"(import json, os, sys, vtk
 reader = vtk.vtkSTLReader()
 reader.SetFileName(os.path.join(sys.argv[1], "m.stl"))

@@ -2,14 +2,17 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <numeric>
 #include <string>
 #include <utility>
 #include <vector>
 
 #include "bend_study.hpp"
 #include "figures.hpp"
+#include "holed_tube.hpp"
 #include "paper_table.hpp"
 #include "random_tubes.hpp"
+#include "thinning.hpp"
 #include "tubetrack/tracker/bend_table.hpp"
 
 namespace tubetrack::bench {
@@ -106,6 +109,56 @@ TEST(PaperTable, AScanOfSoManyFacesHasThem) {
   EXPECT_NEAR(static_cast<double>(row.faces), 20'000.0, 100.0);
   EXPECT_GT(row.transcription_s, 0.0);
   EXPECT_GT(row.ours_s, 0.0);
+}
+
+VoxelGrid box(int x, int y, int z) {
+  VoxelGrid grid;
+  grid.size = {x + 2, y + 2, z + 2};
+  grid.inside.assign(static_cast<std::size_t>((x + 2) * (y + 2) * (z + 2)), 0);
+  for (int k = 1; k <= z; ++k) {
+    for (int j = 1; j <= y; ++j) {
+      for (int i = 1; i <= x; ++i) grid.inside[grid.at(i, j, k)] = 1;
+    }
+  }
+  return grid;
+}
+
+TEST(Thinning, ABarBecomesALineWithTwoEnds) {
+  const Topology line = topology_of(thinned(box(20, 3, 3)));
+  EXPECT_EQ(line.pieces, 1U);
+  EXPECT_EQ(line.ends, 2U);
+  EXPECT_EQ(line.loops, 0U);
+  EXPECT_EQ(line.cavities, 0U);
+  EXPECT_LE(line.voxels, 20U);
+}
+
+TEST(Thinning, TunnelsAndCavitiesStay) {
+  VoxelGrid plate = box(9, 9, 3);
+  for (int k = 1; k <= 3; ++k) {
+    for (const int i : {3, 7}) plate.inside[plate.at(i, 5, k)] = 0;
+  }
+  VoxelGrid hollow = box(7, 7, 7);
+  hollow.inside[hollow.at(4, 4, 4)] = 0;
+  for (const VoxelGrid& body : {plate, hollow}) {
+    const Topology whole = topology_of(body), left = topology_of(thinned(body));
+    EXPECT_EQ(left.pieces, 1U);
+    EXPECT_EQ(left.loops, whole.loops);
+    EXPECT_EQ(left.cavities, whole.cavities);
+    EXPECT_LT(left.voxels, whole.voxels);
+  }
+  EXPECT_EQ(topology_of(plate).loops, 2U);
+  EXPECT_EQ(topology_of(hollow).cavities, 1U);
+}
+
+TEST(HoledTube, IsFollowedThroughItsHoles) {
+  const PaperScan whole = holed_tube(0.0, 1.5), holed = holed_tube(0.05, 1.5);
+  const auto count = [](const PaperScan& scan) {
+    return std::accumulate(scan.scan.voxels.inside.begin(), scan.scan.voxels.inside.end(), 0.0);
+  };
+  EXPECT_NEAR(count(holed) / count(whole), 0.95, 0.002);
+  const PaperRow row = measure(holed, false);
+  EXPECT_LE(row.rms_voxels, 0.1);
+  EXPECT_GE(row.found, 0.97);
 }
 
 }  // namespace

@@ -100,7 +100,8 @@ std::vector<Segment> segments_of(const PartChain& chain, const std::vector<bool>
   std::vector<Segment> segments;
   double at_m = 0.0;
   const auto add = [&](Segment::Type type, double length_m, double bend_radius_m, double bend_angle_rad) {
-    if (!(length_m > 0.0)) return;
+    constexpr double kNothing_m = 1e-9;  // what rounding leaves of a straight that is not there
+    if (!(length_m > kNothing_m)) return;
     if (type == Segment::Type::free && !segments.empty() && segments.back().type == type) {
       segments.back().to_m += length_m;
     } else {

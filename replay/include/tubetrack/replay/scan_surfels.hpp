@@ -8,6 +8,12 @@
 
 namespace tubetrack {
 
+/// How the normals of voxels and height maps are estimated; docs/paper.md compares them.
+enum class GridNormals {
+  smoothed,  ///< faces averaged over a ball (voxels), least-squares planes (height maps)
+  voronoi    ///< the Voronoi covariance measure, as in the paper (section 3)
+};
+
 /// How surfels are made of a scan.
 struct ScanSurfelOptions {
   double radius_min_m = 0.005;  ///< band of every surfel: a scan's surfels are not gated on curvature
@@ -15,6 +21,7 @@ struct ScanSurfelOptions {
   /// Half size of what a voxel's or height-map cell's normal is taken over; at most about the tube's radius. 0: four
   /// grid steps for voxels, three for height maps.
   double normal_radius_m = 0.0;
+  GridNormals normals = GridNormals::smoothed;
   std::size_t max_count = 5'000'000;  ///< large faces are cut into pieces only as far as this allows
 };
 
