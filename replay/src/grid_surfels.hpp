@@ -11,6 +11,8 @@ namespace tubetrack {
 struct BoundaryFace {
   Eigen::Vector3d center_m;
   Eigen::Vector3d outward_area_m2;  ///< along the face's normal, as long as its area
+  Eigen::Vector3i twice;            ///< the centre's place in the grid, in half voxels
+  int shape;                        ///< which of a voxel's six faces: those of a grid are alike
 };
 
 /// In the order of their voxels. What lies outside the grid is not known, so the grid's border makes no faces.
@@ -19,7 +21,8 @@ std::vector<BoundaryFace> boundary_faces(const VoxelGrid& grid);
 /// Unit outward normals of the faces: the faces' own, averaged over a ball with Gaussian weights (σ half the radius),
 /// which is the gradient of the smoothed body. The place for another estimator with the same radius, such as the
 /// digital Voronoi covariance measure that the paper uses (section 3).
-std::vector<Eigen::Vector3f> smoothed_normals(const std::vector<BoundaryFace>& faces, double radius_m);
+std::vector<Eigen::Vector3f> smoothed_normals(const VoxelGrid& grid, const std::vector<BoundaryFace>& faces,
+                                              double radius_m);
 
 /// A surfel a boundary face; `pattern` has what all surfels share. Its weight is the face's area as the surface runs
 /// through it: the faces of a slanted surface are more than its area.
