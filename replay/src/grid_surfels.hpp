@@ -12,6 +12,8 @@ namespace tubetrack {
 struct BoundaryFace {
   Eigen::Vector3d center_m;
   Eigen::Vector3d outward_area_m2;  ///< along the face's normal, as long as its area
+  Eigen::Vector3i twice;            ///< the centre's place in the grid, in half voxels
+  int shape;                        ///< which of a voxel's six faces: those of a grid are alike
 };
 
 /// In the order of their voxels. What lies outside the grid is not known, so the grid's border makes no faces.
@@ -19,7 +21,8 @@ std::vector<BoundaryFace> boundary_faces(const VoxelGrid& grid);
 
 /// Unit outward normals of the faces: the faces' own, averaged over a ball with Gaussian weights (σ half the radius),
 /// which is the gradient of the smoothed body.
-std::vector<Eigen::Vector3f> smoothed_normals(const std::vector<BoundaryFace>& faces, double radius_m);
+std::vector<Eigen::Vector3f> smoothed_normals(const VoxelGrid& grid, const std::vector<BoundaryFace>& faces,
+                                              double radius_m);
 
 /// How normals are estimated: the method, and how far around a place.
 struct NormalWindow {

@@ -1,6 +1,9 @@
 #include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
+#include <cstddef>
+#include <limits>
+#include <vector>
 
 #include "grid_surfels.hpp"
 #include "voronoi_normals.hpp"
@@ -13,8 +16,8 @@ constexpr double kSteepest = 3.7;  // tan 75°
 constexpr double kLeastPart = 0.5;
 
 struct Window {
-  int radius_cells;
-  double cell_m;
+  int radius_cells = 1;
+  double cell_m = 0.0;
 };
 
 /// Slopes (along columns, along rows) of the least-squares plane around a cell, or false where too few cells belong to
@@ -33,7 +36,7 @@ bool fit_plane(const HeightGrid& grid, int u, int v, const Window& window, Eigen
       const double other = grid.height_m[static_cast<std::size_t>(v + y) * width + static_cast<std::size_t>(u + x)];
       const double rise = other - own;
       // False for NaN too.
-      if (!(std::abs(rise) <= kSteepest * window.cell_m * std::max(1.0, std::hypot(x, y)))) continue;
+      if (!(std::abs(rise) <= kSteepest * window.cell_m * std::max(1.0, std::sqrt(1.0 * (x * x + y * y))))) continue;
       const Eigen::Vector3d row(x, y, 1.0);
       normal_matrix += row * row.transpose();
       right_side += row * (rise / window.cell_m);
@@ -82,6 +85,81 @@ void add_by_voronoi(const HeightGrid& grid, const Surfel& pattern, double radius
   }
 }
 
+/// Sums along a row over ± r cells, for each cell that has as many to both sides; the others stay as they are.
+struct RowSums {
+  std::vector<double> heights, moments;  ///< of heights, and of heights times how far along they are
+  std::vector<int> breaks;               ///< steps that are steep, or to nothing
+};
+
+/// Windows in which all heights hang together have sums for a plane: `slope_row` gets the slopes of one row of them,
+/// and NaN where fit_plane has to look at each neighbour. Neighbours that rise by less than `steep_m` a step along
+/// either axis rise by less than √2 times that a step in any direction.
+class PlaneSums {
+ public:
+  PlaneSums(const HeightGrid& grid, const Window& window) : grid_(grid), r_(window.radius_cells) {
+    steep_m_ = static_cast<float>(kSteepest * window.cell_m / std::sqrt(2.0));
+    const int side = 2 * r_ + 1;
+    rows_.resize(static_cast<std::size_t>(side));
+    double squares = 0.0;
+    for (int x = 1; x <= r_; ++x) squares += 2.0 * x * x;
+    per_slope_ = 1.0 / (window.cell_m * squares * side);
+    for (int v = 0; v < std::min(side - 1, grid.height); ++v) sum_row(v);
+  }
+
+  /// Of rows in order, from the first.
+  void slope_row(int v, std::vector<Eigen::Vector2d>& slopes) {
+    constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
+    slopes.assign(static_cast<std::size_t>(grid_.width), {kNone, kNone});
+    if (v + r_ < grid_.height) sum_row(v + r_);
+    if (v < r_ || v + r_ >= grid_.height) return;
+    for (int u = r_; u + r_ < grid_.width; ++u) {
+      const auto at = static_cast<std::size_t>(u);
+      int breaks = 0;
+      double along = 0.0, across = 0.0;
+      for (int y = -r_; y <= r_; ++y) {
+        const RowSums& row = rows_[static_cast<std::size_t>(v + y) % rows_.size()];
+        breaks += row.breaks[at];
+        along += row.moments[at];
+        across += y * row.heights[at];
+      }
+      if (breaks == 0) slopes[at] = {along * per_slope_, across * per_slope_};
+    }
+  }
+
+ private:
+  void sum_row(int v) {
+    const auto width = static_cast<std::size_t>(grid_.width);
+    const float* own = grid_.height_m.data() + static_cast<std::size_t>(v) * width;
+    const float* before = v > 0 ? own - width : own;
+    RowSums& row = rows_[static_cast<std::size_t>(v) % rows_.size()];
+    row.heights.assign(width, 0.0);
+    row.moments.assign(width, 0.0);
+    row.breaks.assign(width, 1);
+    if (grid_.width <= 2 * r_) return;
+    breaks_.assign(width, 0);
+    // False for NaN too.
+    for (std::size_t u = 0; u < width; ++u) breaks_[u] = std::abs(own[u] - before[u]) <= steep_m_ ? 0 : 1;
+    for (std::size_t u = 1; u < width; ++u) breaks_[u] += std::abs(own[u] - own[u - 1]) <= steep_m_ ? 0 : 1;
+    const auto inner = static_cast<std::size_t>(grid_.width - 2 * r_), r = static_cast<std::size_t>(r_);
+    for (std::size_t i = 0; i < inner; ++i) row.breaks[r + i] = breaks_[i];
+    for (std::size_t i = 0; i < inner; ++i) row.heights[r + i] = static_cast<double>(own[i]);
+    for (std::size_t i = 0; i < inner; ++i) row.moments[r + i] = -static_cast<double>(r_) * static_cast<double>(own[i]);
+    for (std::size_t x = 1; x <= 2 * r; ++x) {
+      const double away = static_cast<double>(x) - r_;
+      for (std::size_t i = 0; i < inner; ++i) row.breaks[r + i] += breaks_[i + x];
+      for (std::size_t i = 0; i < inner; ++i) row.heights[r + i] += static_cast<double>(own[i + x]);
+      for (std::size_t i = 0; i < inner; ++i) row.moments[r + i] += away * static_cast<double>(own[i + x]);
+    }
+  }
+
+  const HeightGrid& grid_;
+  int r_;
+  float steep_m_ = 0.0F;
+  double per_slope_ = 0.0;
+  std::vector<RowSums> rows_;  // row v at v modulo their number
+  std::vector<int> breaks_;
+};
+
 }  // namespace
 
 void add_height_surfels(const HeightGrid& grid, const Surfel& pattern, const NormalWindow& normal_window,
@@ -94,12 +172,16 @@ void add_height_surfels(const HeightGrid& grid, const Surfel& pattern, const Nor
   const int radius_cells =
       static_cast<int>(std::clamp(std::round(normal_window.radius_m / grid.cell_size_m), 1.0, 1.0 * kLargest_cells));
   const Window window{radius_cells, grid.cell_size_m};
+  PlaneSums sums(grid, window);
+  std::vector<Eigen::Vector2d> slopes;
   for (int v = 0; v < grid.height; ++v) {
+    sums.slope_row(v, slopes);
     for (int u = 0; u < grid.width; ++u) {
       const std::size_t cell =
           static_cast<std::size_t>(v) * static_cast<std::size_t>(grid.width) + static_cast<std::size_t>(u);
-      Eigen::Vector2d slope;
-      if (std::isnan(grid.height_m[cell]) || !fit_plane(grid, u, v, window, slope)) continue;
+      if (std::isnan(grid.height_m[cell])) continue;
+      Eigen::Vector2d slope = slopes[static_cast<std::size_t>(u)];
+      if (std::isnan(slope.x()) && !fit_plane(grid, u, v, window, slope)) continue;
       // The surface is z = −height(x, y), seen from below zero: what lies behind it has the larger z.
       surfels.push_back(surfel_at(grid, u, v, Eigen::Vector3d(slope.x(), slope.y(), 1.0), pattern));
     }

@@ -92,26 +92,34 @@ Face face_of(const Scan& scan, const std::array<std::uint32_t, 3>& corners,
   return face;
 }
 
-/// Cuts across the longest edge until no piece has one above the limit.
-void add_pieces(const Face& face, double limit_m, Surfel surfel, double step_area, std::vector<Surfel>& surfels) {
-  std::vector<Triangle> pieces{face.corners};
+/// A surfel of a face's piece.
+void add_piece(const Face& face, const Triangle& piece, Surfel surfel, double step_area, std::vector<Surfel>& surfels) {
+  const double area = 0.5 * (piece[1] - piece[0]).cross(piece[2] - piece[0]).norm();
+  const Eigen::Vector3d middle_m = (piece[0] + piece[1] + piece[2]) / 3.0;
+  surfel.position_m = (middle_m + face.stands_out_m(middle_m) * face.normal.normalized()).cast<float>();
+  surfel.weight = static_cast<float>(area / step_area);
+  surfels.push_back(surfel);
+}
+
+/// Cuts across the longest edge until no piece has one above the limit. `pieces` is for what is left to cut.
+void add_pieces(const Face& face, double limit_m, const Surfel& surfel, double step_area, std::vector<Triangle>& pieces,
+                std::vector<Surfel>& surfels) {
+  double length = 0.0;
+  longest_edge(face.corners, length);
+  if (length <= limit_m) return add_piece(face, face.corners, surfel, step_area, surfels);
+  pieces.push_back(face.corners);
   while (!pieces.empty()) {
     const Triangle piece = pieces.back();
     pieces.pop_back();
-    double length = 0.0;
     const std::size_t k = longest_edge(piece, length);
-    if (length > limit_m) {
-      const Eigen::Vector3d &from = piece[k], &to = piece[(k + 1) % 3], &apex = piece[(k + 2) % 3];
-      const Eigen::Vector3d middle = 0.5 * (from + to);
-      pieces.push_back({from, middle, apex});
-      pieces.push_back({middle, to, apex});
+    if (length <= limit_m) {
+      add_piece(face, piece, surfel, step_area, surfels);
       continue;
     }
-    const double area = 0.5 * (piece[1] - piece[0]).cross(piece[2] - piece[0]).norm();
-    const Eigen::Vector3d middle_m = (piece[0] + piece[1] + piece[2]) / 3.0;
-    surfel.position_m = (middle_m + face.stands_out_m(middle_m) * face.normal.normalized()).cast<float>();
-    surfel.weight = static_cast<float>(area / step_area);
-    surfels.push_back(surfel);
+    const Eigen::Vector3d &from = piece[k], &to = piece[(k + 1) % 3], &apex = piece[(k + 2) % 3];
+    const Eigen::Vector3d middle = 0.5 * (from + to);
+    pieces.push_back({from, middle, apex});
+    pieces.push_back({middle, to, apex});
   }
 }
 
@@ -119,6 +127,7 @@ void add_mesh(const Scan& scan, const Surfel& pattern, std::size_t max_count, st
   const double limit_m = piece_limit_m(scan, max_count);
   const double step_area = scan.grid_step_m * scan.grid_step_m;
   const std::vector<Eigen::Vector3d> normals = normals_at_points(scan);
+  std::vector<Triangle> pieces;
   surfels.reserve(scan.faces.size());
   for (std::size_t i = 0; i < scan.faces.size(); ++i) {
     const Face face = face_of(scan, scan.faces[i], normals);
@@ -126,7 +135,7 @@ void add_mesh(const Scan& scan, const Surfel& pattern, std::size_t max_count, st
     // Paper, section 3: the cross product of face edges.
     surfel.inward_normal = -face.normal.normalized().cast<float>();
     surfel.cell = static_cast<std::uint32_t>(i);
-    add_pieces(face, limit_m, surfel, step_area, surfels);
+    add_pieces(face, limit_m, surfel, step_area, pieces, surfels);
   }
 }
 
@@ -175,9 +184,11 @@ RadiusRange default_radius_range(const Scan& scan, std::span<const Surfel> surfe
   RadiusRange range;
   range.min_m = (scan.kind == ScanKind::cloud ? 1.5 : 2.0) * scan.grid_step_m;
   if (scan.kind == ScanKind::mesh) {
+    constexpr std::size_t kMostSamples = 20'000;
+    const std::size_t stride = scan.faces.size() / kMostSamples + 1;
     std::vector<double> shortest;
-    shortest.reserve(scan.faces.size());
-    for (const auto& [a, b, c] : scan.faces) {
+    for (std::size_t i = 0; i < scan.faces.size(); i += stride) {
+      const auto& [a, b, c] = scan.faces[i];
       shortest.push_back(
           std::min({(scan.points_m[a] - scan.points_m[b]).norm(), (scan.points_m[b] - scan.points_m[c]).norm(),
                     (scan.points_m[c] - scan.points_m[a]).norm()}));

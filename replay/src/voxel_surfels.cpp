@@ -1,8 +1,13 @@
 #include <Eigen/Geometry>
+#include <Eigen/LU>
+#include <array>
 #include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <cstring>
+#include <vector>
 
 #include "grid_surfels.hpp"
-#include "point_tree.hpp"
 #include "voronoi_normals.hpp"
 
 namespace tubetrack {
@@ -29,21 +34,124 @@ std::array<FaceShape, 6> face_shapes(const Eigen::Matrix3d& axes_m) {
   return shapes;
 }
 
+/// The first voxel of a row, from the i-th on, that is in the body; `count` where none is. Most of a volume is empty.
+int next_inside(const std::uint8_t* row, int i, int count) {
+  std::uint64_t eight = 0;
+  while (i + 8 <= count) {
+    std::memcpy(&eight, row + i, 8);
+    if (eight != 0) break;
+    i += 8;
+  }
+  while (i < count && row[i] == 0) ++i;
+  return i;
+}
+
+/// The weights of a face's neighbours, by how many half voxels they are away along each axis.
+class BallWeights {
+ public:
+  /// Offsets up to `block` half voxels beyond the ball may be asked for.
+  BallWeights(const Eigen::Matrix3d& axes_m, double radius_m, int block) {
+    const Eigen::Matrix3d inverse = axes_m.inverse();
+    for (int axis = 0; axis < 3; ++axis) {
+      reach_[axis] = static_cast<int>(std::floor(2.0 * radius_m * inverse.row(axis).norm() + 1e-9));
+      half_[axis] = reach_[axis] + block;
+    }
+    const double sigma_m = 0.5 * radius_m;
+    for (int z = -half_.z(); z <= half_.z(); ++z) {
+      for (int y = -half_.y(); y <= half_.y(); ++y) {
+        for (int x = -half_.x(); x <= half_.x(); ++x) {
+          const double squared = (axes_m * (0.5 * Eigen::Vector3d(x, y, z))).squaredNorm();
+          const bool within = squared <= radius_m * radius_m * (1.0 + 1e-9);
+          weights_.push_back(within ? static_cast<float>(std::exp(-0.5 * squared / (sigma_m * sigma_m))) : 0.0F);
+        }
+      }
+    }
+  }
+
+  const Eigen::Vector3i& reach() const { return reach_; }
+  /// Where the weight of an offset stands; differences of places in the grid add up.
+  int place(const Eigen::Vector3i& at) const {
+    return (at.z() * (2 * half_.y() + 1) + at.y()) * (2 * half_.x() + 1) + at.x();
+  }
+  const float* middle() const { return weights_.data() + place(half_); }
+
+ private:
+  Eigen::Vector3i reach_, half_;
+  std::vector<float> weights_;
+};
+
+constexpr int kBlock = 8;  // half voxels: an edge of 4 voxels
+
+/// Faces by the block of 4³ voxels that they lie in.
+struct FaceBlocks {
+  Eigen::Vector3i size;
+  std::vector<std::uint32_t> first, faces;
+
+  FaceBlocks(const VoxelGrid& grid, const std::vector<BoundaryFace>& all) {
+    size = (2 * grid.size.array() + kBlock) / kBlock;
+    first.assign(
+        static_cast<std::size_t>(size.x()) * static_cast<std::size_t>(size.y()) * static_cast<std::size_t>(size.z()) +
+            1,
+        0);
+    for (const BoundaryFace& face : all) ++first[at(face.twice / kBlock) + 1];
+    for (std::size_t i = 1; i < first.size(); ++i) first[i] += first[i - 1];
+    std::vector<std::uint32_t> next(first.begin(), first.end() - 1);
+    faces.resize(all.size());
+    for (std::size_t i = 0; i < all.size(); ++i)
+      faces[next[at(all[i].twice / kBlock)]++] = static_cast<std::uint32_t>(i);
+  }
+  std::size_t at(const Eigen::Vector3i& block) const {
+    return (static_cast<std::size_t>(block.z()) * static_cast<std::size_t>(size.y()) +
+            static_cast<std::size_t>(block.y())) *
+               static_cast<std::size_t>(size.x()) +
+           static_cast<std::size_t>(block.x());
+  }
+};
+
+/// Where the weight of a face around a block stands, but for the place of the face that asks; and its shape.
+struct NearFace {
+  int place;
+  int shape;
+};
+
+void gather_near(const FaceBlocks& blocks, const std::vector<BoundaryFace>& faces, const BallWeights& weights,
+                 const Eigen::Vector3i& block, std::vector<NearFace>& near) {
+  near.clear();
+  const Eigen::Array3i low = kBlock * block.array() - weights.reach().array();
+  const Eigen::Array3i high = kBlock * block.array() + kBlock - 1 + weights.reach().array();
+  const Eigen::Vector3i from = (low.max(0) / kBlock).matrix();
+  const Eigen::Vector3i to = (high / kBlock).min(blocks.size.array() - 1).matrix();
+  for (int z = from.z(); z <= to.z(); ++z) {
+    for (int y = from.y(); y <= to.y(); ++y) {
+      for (std::uint32_t i = blocks.first[blocks.at({from.x(), y, z})]; i < blocks.first[blocks.at({to.x(), y, z}) + 1];
+           ++i) {
+        const BoundaryFace& face = faces[blocks.faces[i]];
+        if ((face.twice.array() < low).any() || (face.twice.array() > high).any()) continue;
+        near.push_back({weights.place(face.twice - kBlock * block), face.shape});
+      }
+    }
+  }
+}
+
 }  // namespace
 
 std::vector<BoundaryFace> boundary_faces(const VoxelGrid& grid) {
   const auto shapes = face_shapes(grid.axes_m);
+  const std::ptrdiff_t row = grid.size.x(), slice = row * grid.size.y();
+  const std::array<std::ptrdiff_t, 6> to_next{-1, 1, -row, row, -slice, slice};
   std::vector<BoundaryFace> faces;
   for (int k = 0; k < grid.size.z(); ++k) {
     for (int j = 0; j < grid.size.y(); ++j) {
-      for (int i = 0; i < grid.size.x(); ++i) {
-        if (grid.inside[grid.at(i, j, k)] == 0) continue;
-        for (const FaceShape& shape : shapes) {
+      const std::uint8_t* begin = grid.inside.data() + grid.at(0, j, k);
+      for (int i = 0; (i = next_inside(begin, i, grid.size.x())) < grid.size.x(); ++i) {
+        const std::uint8_t* voxel = begin + i;
+        for (std::size_t n = 0; n < shapes.size(); ++n) {
+          const FaceShape& shape = shapes[n];
           const Eigen::Vector3i next = Eigen::Vector3i(i, j, k) + shape.step;
-          if (!grid.contains(next.x(), next.y(), next.z())) continue;
-          if (grid.inside[grid.at(next.x(), next.y(), next.z())] != 0) continue;
+          if (!grid.contains(next.x(), next.y(), next.z()) || voxel[to_next[n]] != 0) continue;
           const Eigen::Vector3d voxel_m = grid.origin_m + grid.axes_m * Eigen::Vector3d(i, j, k);
-          faces.push_back({voxel_m + shape.to_center_m, shape.outward_area_m2});
+          faces.push_back({voxel_m + shape.to_center_m, shape.outward_area_m2,
+                           2 * Eigen::Vector3i(i, j, k) + shape.step, static_cast<int>(n)});
         }
       }
     }
@@ -51,25 +159,30 @@ std::vector<BoundaryFace> boundary_faces(const VoxelGrid& grid) {
   return faces;
 }
 
-std::vector<Eigen::Vector3f> smoothed_normals(const std::vector<BoundaryFace>& faces, double radius_m) {
-  std::vector<Eigen::Vector3d> centers;
-  centers.reserve(faces.size());
-  for (const BoundaryFace& face : faces) centers.push_back(face.center_m);
-  const PointTree tree(centers);
-  const double sigma_m = 0.5 * radius_m;
-  std::vector<Eigen::Vector3f> normals;
-  normals.reserve(faces.size());
-  std::vector<Neighbour> near;
-  for (const BoundaryFace& face : faces) {
-    tree.within(face.center_m, radius_m, near);
-    Eigen::Vector3d sum = Eigen::Vector3d::Zero();
-    for (const Neighbour& one : near) {
-      const double weight = std::exp(-0.5 * one.squared_distance / (sigma_m * sigma_m));
-      sum += weight * faces[one.index].outward_area_m2;
+std::vector<Eigen::Vector3f> smoothed_normals(const VoxelGrid& grid, const std::vector<BoundaryFace>& faces,
+                                              double radius_m) {
+  const auto shapes = face_shapes(grid.axes_m);
+  const BallWeights weights(grid.axes_m, radius_m, kBlock - 1);
+  const FaceBlocks blocks(grid, faces);
+  std::vector<Eigen::Vector3f> normals(faces.size());
+  std::vector<NearFace> near;
+  std::size_t begin = 0;
+  while (begin < faces.size()) {
+    const Eigen::Vector3i block = faces[blocks.faces[begin]].twice / kBlock;
+    const std::size_t end = blocks.first[blocks.at(block) + 1];
+    gather_near(blocks, faces, weights, block, near);
+    for (std::size_t i = begin; i < end; ++i) {
+      const BoundaryFace& face = faces[blocks.faces[i]];
+      const float* own = weights.middle() - weights.place(face.twice - kBlock * block);
+      std::array<float, 6> sums{};
+      for (const NearFace& one : near) sums[static_cast<std::size_t>(one.shape)] += own[one.place];
+      Eigen::Vector3d sum = Eigen::Vector3d::Zero();
+      for (std::size_t n = 0; n < shapes.size(); ++n) sum += static_cast<double>(sums[n]) * shapes[n].outward_area_m2;
+      // Opposite sides of a plate thinner than the ball cancel out; then the face's own normal has to do.
+      const bool cancelled = !(sum.norm() > 1e-6 * face.outward_area_m2.norm());
+      normals[blocks.faces[i]] = (cancelled ? face.outward_area_m2 : sum).normalized().cast<float>();
     }
-    // Opposite sides of a plate thinner than the ball cancel out; then the face's own normal has to do.
-    const bool cancelled = !(sum.norm() > 1e-6 * face.outward_area_m2.norm());
-    normals.push_back((cancelled ? face.outward_area_m2 : sum).normalized().cast<float>());
+    begin = end;
   }
   return normals;
 }
@@ -95,7 +208,7 @@ void add_voxel_surfels(const VoxelGrid& grid, const Surfel& pattern, const Norma
   const double step_m = std::cbrt(std::abs(grid.axes_m.determinant()));
   const std::vector<Eigen::Vector3f> normals = window.method == GridNormals::voronoi
                                                    ? voronoi_normals_of(faces, step_m, window.radius_m)
-                                                   : smoothed_normals(faces, window.radius_m);
+                                                   : smoothed_normals(grid, faces, window.radius_m);
   const double step_area = step_m * step_m;
   surfels.reserve(faces.size());
   for (std::size_t i = 0; i < faces.size(); ++i) {

@@ -57,21 +57,41 @@ double nearer_foot(const PlacedChain& placed, const Eigen::Vector3d& node_m, dou
   return foot_m;
 }
 
-void put_derivatives(const ChainPoint& point, const Eigen::Vector3d& along, const PlacedChain& placed,
-                     const PartChain& chain, const std::vector<Carry>& carries, Eigen::VectorXd& row) {
-  row.setZero(parameter_count(chain));
-  const Eigen::Vector3d arm = point.position_m - chain.start_m;
-  const Eigen::Vector3d moment = arm.cross(along);
-  const auto put = [&](Eigen::Index column, const Carry& carry) {
-    row[column] = along.dot(carry.shift + carry.stretch * arm) + moment.dot(carry.turn);
-  };
-  const Eigen::Index behind = place_of(point.bend, BendParameter::straight);
-  for (Eigen::Index k = 0; k < behind; ++k) put(k, carries[static_cast<std::size_t>(k)]);
-  if (!point.in_arc) return;
-  put(behind, carries[static_cast<std::size_t>(behind)]);
-  const Eigen::Index rotation = place_of(point.bend, BendParameter::rotation);
-  put(rotation, carries[static_cast<std::size_t>(rotation)]);
-  put(place_of(point.bend, BendParameter::log_radius), radius_inside(placed.bends[point.bend], chain.start_m));
+void PartSums::add(const ChainPoint& point, const Eigen::Vector3d& along, const PlacedChain& placed,
+                   const Eigen::Vector3d& start_m, double weight, double residual_m) {
+  Row row;
+  row.head<3>() = along;
+  row.segment<3>(3) = (point.position_m - start_m).cross(along);
+  row[6] = point.in_arc ? along.dot(point.position_m - placed.bends[point.bend].arc_start_m) : 0.0;
+  row[7] = 1.0;
+  normal.noalias() += (weight * row) * row.transpose();
+  gradient += (weight * residual_m) * row;
+}
+
+void put_together(const std::vector<PartSums>& parts, const std::vector<Carry>& carries, Eigen::MatrixXd& normal,
+                  Eigen::VectorXd& gradient) {
+  const auto count = static_cast<Eigen::Index>(carries.size()) + 1;
+  normal.setZero(count, count);
+  gradient.setZero(count);
+  Eigen::Matrix<double, 8, Eigen::Dynamic> moves(8, count);
+  for (std::size_t part = 0; part < parts.size(); ++part) {
+    const std::size_t bend = part / 2;
+    const Eigen::Index behind = place_of(bend, BendParameter::straight);
+    moves.setZero();
+    const auto put = [&](Eigen::Index column) {
+      moves.col(column).head<3>() = carries[static_cast<std::size_t>(column)].shift;
+      moves.col(column).segment<3>(3) = carries[static_cast<std::size_t>(column)].turn;
+    };
+    for (Eigen::Index k = 0; k < behind; ++k) put(k);
+    if (part % 2 == 1) {
+      put(behind);
+      put(place_of(bend, BendParameter::rotation));
+      moves(6, place_of(bend, BendParameter::log_radius)) = 1.0;
+    }
+    moves(7, count - 1) = 1.0;
+    normal.noalias() += moves.transpose() * (parts[part].normal * moves);
+    gradient.noalias() += moves.transpose() * parts[part].gradient;
+  }
 }
 
 Eigen::Index parameter_count(const PartChain& chain) {

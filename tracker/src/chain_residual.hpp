@@ -28,9 +28,25 @@ struct Carry {
 /// What each parameter does to all that lies behind its bend.
 std::vector<Carry> carries_of(const PlacedChain& placed, const PartChain& chain);
 
-/// How far the chain's point, fixed in its part, moves along a direction with each parameter.
-void put_derivatives(const ChainPoint& point, const Eigen::Vector3d& along, const PlacedChain& placed,
-                     const PartChain& chain, const std::vector<Carry>& carries, Eigen::VectorXd& row);
+/// What points of a surface around one part of the chain (a straight, or an arc) say of it: each moves the part
+/// rigidly, or, in an arc, with the arc's radius. Sums over their (along, arm × along, along · way into the arc, 1).
+struct PartSums {
+  using Row = Eigen::Matrix<double, 8, 1>;
+  Eigen::Matrix<double, 8, 8> normal = Eigen::Matrix<double, 8, 8>::Zero();
+  Row gradient = Row::Zero();
+
+  void add(const ChainPoint& point, const Eigen::Vector3d& along, const PlacedChain& placed,
+           const Eigen::Vector3d& start_m, double weight, double residual_m);
+};
+
+/// Two a bend (its straight, its arc) and the last straight.
+inline std::size_t part_of(const ChainPoint& point) {
+  return 2 * point.bend + (point.in_arc ? 1 : 0);
+}
+
+/// The equations of all parts together: derivatives by the chain's parameters and, last, by the tube's radius.
+void put_together(const std::vector<PartSums>& parts, const std::vector<Carry>& carries, Eigen::MatrixXd& normal,
+                  Eigen::VectorXd& gradient);
 
 /// The place on the chain nearest to a point, by Newton steps from `foot_m`, to a tenth of the tube's radius squared
 /// over the bend's.

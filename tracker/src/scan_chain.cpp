@@ -68,70 +68,77 @@ ChainPointSet points_of(const ScanTube& tube, std::span<const Surfel> surfels, d
   return set;
 }
 
-/// A chain with its radius, and what the points make of it: robust cost, equations of a step, and how much more they
-/// err together than each for itself would let expect.
+/// A chain with its radius, and what the points make of it: robust cost and the equations of a step.
 struct SurfaceFit {
   PartChain chain;
   double radius_m = 0.0;
   double cost = 0.0;
   ChainEquations equations;
-  double together = 1.0;
 };
 
-/// Weighted residuals summed over a patch of the surface, one radius by a sixth of the section.
-using PatchSums = std::map<std::pair<int, int>, double>;
+/// A point's foot on the chain, brought nearer, and what is left.
+struct SurfaceResidual {
+  ChainPoint at;
+  Eigen::Vector3d outward;
+  double residual_m = 0.0;
+  double weight = 0.0;
+};
 
-void add_to_patch(PatchSums& patches, const ChainPoint& at, const Eigen::Vector3d& outward, double along_radii,
-                  double value) {
-  constexpr double kSectors = 6.0;
-  const double angle_rad = std::atan2(outward.dot(at.tangent.cross(at.normal)), outward.dot(at.normal));
-  patches[{static_cast<int>(std::floor(along_radii)),
-           static_cast<int>(std::floor(angle_rad * kSectors / (2.0 * std::numbers::pi)))}] += value;
+SurfaceResidual residual_of(const PlacedChain& placed, double radius_m, double scale_m, std::size_t i,
+                            ChainPointSet& set) {
+  SurfaceResidual one;
+  set.foot_m[i] = nearer_foot(placed, set.points_m[i], set.foot_m[i], radius_m);
+  one.at = point_on(placed, set.foot_m[i]);
+  const Eigen::Vector3d off_m = set.points_m[i] - one.at.position_m;
+  const double distance_m = off_m.norm();
+  one.residual_m = distance_m - radius_m;
+  one.outward = off_m / std::max(distance_m, 1e-12);
+  const double far = one.residual_m / (kTuning * scale_m);
+  const double sigma_m = scale_m * (1.0 + far * far);
+  one.weight = set.area[i] / (sigma_m * sigma_m);
+  return one;
 }
 
 /// Of every `stride`-th point.
 void linearise(double scale_m, std::size_t stride, bool radius_known, ChainPointSet& set, SurfaceFit& fit) {
   const PlacedChain placed = place(fit.chain);
-  const std::vector<Carry> carries = carries_of(placed, fit.chain);
-  const Eigen::Index count = parameter_count(fit.chain) + 1;
-  Eigen::MatrixXd& normal = fit.equations.normal;
-  Eigen::VectorXd& gradient = fit.equations.gradient;
-  normal.setZero(count, count);
-  gradient.setZero(count);
-  PatchSums patches;
-  double weights = 0.0;
+  std::vector<PartSums> parts(2 * fit.chain.bends.size() + 1);
   fit.cost = 0.0;
-  Eigen::VectorXd row(count - 1);
   for (std::size_t i = 0; i < set.points_m.size(); i += stride) {
-    set.foot_m[i] = nearer_foot(placed, set.points_m[i], set.foot_m[i], fit.radius_m);
-    const ChainPoint at = point_on(placed, set.foot_m[i]);
-    const Eigen::Vector3d off_m = set.points_m[i] - at.position_m;
-    const double residual_m = off_m.norm() - fit.radius_m;
-    const Eigen::Vector3d outward = off_m.normalized();
-    const double far = residual_m / (kTuning * scale_m);
-    const double sigma_m = scale_m * (1.0 + far * far);
-    const double weight = set.area[i] / (sigma_m * sigma_m);
-    fit.cost += set.area[i] * robust_cost(residual_m, scale_m);
-    put_derivatives(at, outward, placed, fit.chain, carries, row);
-    // Of what lies behind the point's own bend nothing moves it.
-    const Eigen::Index used =
-        std::min(count - 1, place_of(at.bend, BendParameter::straight) + (at.in_arc ? kBendParameters : 0));
-    normal.topLeftCorner(used, used).noalias() += (weight * row.head(used)) * row.head(used).transpose();
-    gradient.head(used) += (weight * residual_m) * row.head(used);
-    weights += weight;
-    if (!radius_known) {
-      normal.row(count - 1).head(used) += weight * row.head(used).transpose();
-      normal(count - 1, count - 1) += weight;
-      gradient[count - 1] += weight * residual_m;
-    }
-    add_to_patch(patches, at, outward, set.foot_m[i] / fit.radius_m, weight * residual_m);
+    const SurfaceResidual one = residual_of(placed, fit.radius_m, scale_m, i, set);
+    fit.cost += set.area[i] * robust_cost(one.residual_m, scale_m);
+    parts[part_of(one.at)].add(one.at, one.outward, placed, fit.chain.start_m, one.weight, one.residual_m);
   }
-  normal.triangularView<Eigen::StrictlyUpper>() = normal.transpose();
-  if (radius_known) normal(count - 1, count - 1) = 1.0;
+  put_together(parts, carries_of(placed, fit.chain), fit.equations.normal, fit.equations.gradient);
+  if (!radius_known) return;
+  const Eigen::Index last = fit.equations.gradient.size() - 1;
+  fit.equations.normal.row(last).setZero();
+  fit.equations.normal.col(last).setZero();
+  fit.equations.normal(last, last) = 1.0;
+  fit.equations.gradient[last] = 0.0;
+}
+
+/// How much more the points err together than each for itself would let expect: weighted residuals, summed over
+/// patches of the surface, one radius by a sixth of the section.
+double err_together(double scale_m, ChainPointSet& set, const SurfaceFit& fit) {
+  constexpr double kSectors = 6.0;
+  const PlacedChain placed = place(fit.chain);
+  std::map<std::pair<int, int>, double> patches;
+  double weights = 0.0;
+  for (std::size_t i = 0; i < set.points_m.size(); ++i) {
+    const SurfaceResidual one = residual_of(placed, fit.radius_m, scale_m, i, set);
+    const double angle_rad =
+        std::atan2(one.outward.dot(one.at.tangent.cross(one.at.normal)), one.outward.dot(one.at.normal));
+    patches[{static_cast<int>(std::floor(set.foot_m[i] / fit.radius_m)),
+             static_cast<int>(std::floor(angle_rad * kSectors / (2.0 * std::numbers::pi)))}] +=
+        one.weight * one.residual_m;
+    weights += one.weight;
+  }
   double squares = 0.0;
   for (const auto& [patch, sum] : patches) squares += sum * sum;
   const auto filled = static_cast<double>(patches.size());
-  fit.together = squares / weights * filled / std::max(1.0, filled - static_cast<double>(count));
+  const auto parameters = static_cast<double>(fit.equations.gradient.size());
+  return squares / weights * filled / std::max(1.0, filled - parameters);
 }
 
 /// Levenberg-Marquardt with points taken to err by `scale_m`. False where it breaks down.
@@ -145,7 +152,7 @@ bool improve(double scale_m, std::size_t stride, int max_steps, bool radius_know
     equations.normal.diagonal() *= 1.0 + damping;
     const Eigen::VectorXd step = solve(fit.chain, equations);
     if (!step.allFinite()) return false;
-    SurfaceFit next{fit.chain, fit.radius_m, 0.0, {}, 1.0};
+    SurfaceFit next{fit.chain, fit.radius_m, 0.0, {}};
     move_chain(next.chain, step);
     if (!radius_known) next.radius_m += std::clamp(step[step.size() - 1], -0.1 * fit.radius_m, 0.1 * fit.radius_m);
     linearise(scale_m, stride, radius_known, set, next);
@@ -214,7 +221,7 @@ std::optional<FittedChain> fit_chain_to_surface(const PartChain& initial, const 
   constexpr double kLeastScaleSteps = 0.02;
   const double scale_m = std::max(tube.fit.scale_m, kLeastScaleSteps * config.grid_step_m);
   ChainPointSet set = points_of(tube, surfels, scale_m);
-  SurfaceFit fit{opened(initial, tube.line.model.radius_m), tube.line.model.radius_m, 0.0, {}, 1.0};
+  SurfaceFit fit{opened(initial, tube.line.model.radius_m), tube.line.model.radius_m, 0.0, {}};
   if (set.points_m.size() < 4 * static_cast<std::size_t>(parameter_count(fit.chain))) return std::nullopt;
   const bool radius_known = config.radius_m.has_value();
   // At first points are taken to err by much, or what a bend's end is far from would not count.
@@ -228,7 +235,7 @@ std::optional<FittedChain> fit_chain_to_surface(const PartChain& initial, const 
   constexpr double kAsGood = 1.3, kMisfits = 0.005;
   if (!(fit.cost < kAsGood * set.line_cost + kMisfits * set.sum_area)) return std::nullopt;
   const Eigen::MatrixXd covariance =
-      std::max(1.0, fit.together) * inverse_where_decided(fit.chain, fit.equations.normal);
+      std::max(1.0, err_together(scale_m, set, fit)) * inverse_where_decided(fit.chain, fit.equations.normal);
   const Spline& spline = tube.line.model.spline;
   if (!trim_to(point_at(spline, tube.evidence.t_begin), point_at(spline, tube.evidence.t_end), fit.radius_m, fit.chain))
     return std::nullopt;
