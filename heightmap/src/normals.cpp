@@ -1,8 +1,10 @@
 #include "tubetrack/heightmap/normals.hpp"
 
 #include <algorithm>
+#include <iterator>
 #include <optional>
 
+#include "strips.hpp"
 #include "tiles.hpp"
 
 namespace tubetrack {
@@ -13,6 +15,8 @@ struct SurfelFinder::State {
   std::optional<SurfelRule> rule;  ///< of the last frame
   std::optional<EdgeRule> edge_rule;
   std::vector<Surfel> surfels;
+  StripWork strips;
+  std::vector<Surfel> with_strips;
 };
 
 namespace {
@@ -66,7 +70,12 @@ std::span<const Surfel> SurfelFinder::find(const HeightMap& map, const NoiseMode
   const std::span<const Region> regions = s.tiles.take_due(map, s.work.heights, workers);
   find_in_regions(rule, edge_rule, regions, s.tiles.affected(), s.work, workers);
   list_surfels(s.work, skip, s.surfels);
-  return s.surfels;
+  if (options.widest_strip_px <= 0.0) return s.surfels;
+  // Where there are both, what the surface itself says counts.
+  const auto strips = strip_surfels(map, s.work.heights, s.work.fits.edges, rule.noise, options, skip, s.strips);
+  s.with_strips.clear();
+  std::ranges::set_union(s.surfels, strips, std::back_inserter(s.with_strips), {}, &Surfel::cell, &Surfel::cell);
+  return s.with_strips;
 }
 
 std::span<const Surfel> SurfelFinder::find(const HeightMap& map, const NoiseModel& noise, const SurfelOptions& options,

@@ -171,12 +171,24 @@ TEST(SyntheticClutter, HoldsNoTube) {
   }
 }
 
-TEST(SyntheticLimits, FarThickAndNearThinAreShownWithoutABar) {
-  for (const View& view : {View{"far-thick", 0, 0.080}, View{"near-thin", 0, 0.005}}) {
-    without_noise(view);
-    with_noise(view, true);
-    with_noise(view, false);
+// 14 px wide, its radius four times the noise.
+TEST(SyntheticLimits, ThinTubesNearByAreFoundByTheirSilhouettesInASingleFrame) {
+  const View view{"near-thin", 0, 0.005};
+  EXPECT_EQ(without_noise(view).coverage(), 1.0);
+  for (const bool radius_given : {true, false}) {
+    const TubeScore score = with_noise(view, radius_given);
+    EXPECT_GE(score.coverage(), 0.99);
+    EXPECT_EQ(score.false_length(), 0.0);
+    EXPECT_LE(score.rms_m(), 0.00035);
+    EXPECT_LE(score.radius_error_median(), 0.025);
   }
+}
+
+TEST(SyntheticLimits, FarThickIsShownWithoutABar) {
+  const View view{"far-thick", 0, 0.080};
+  without_noise(view);
+  with_noise(view, true);
+  with_noise(view, false);
 }
 
 }  // namespace

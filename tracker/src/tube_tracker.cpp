@@ -38,6 +38,8 @@ namespace {
 // Seeds that may fail in a frame before the search is left to the next; the first frame may be all there is.
 constexpr int kFailuresAtFirst = 60;
 constexpr int kFailuresLater = 10;
+// Wider ones show their curvature.
+constexpr double kWidestStrip_px = 16.0;
 
 HeightMapLimits limits_of(const TrackerConfig& config) {
   return {config.depth_min_m, config.depth_max_m,  config.roi_u_px,
@@ -45,8 +47,11 @@ HeightMapLimits limits_of(const TrackerConfig& config) {
 }
 
 SurfelOptions surfel_options(const TrackerConfig& config) {
-  if (config.radius_m) return {0.9 * *config.radius_m, 1.1 * *config.radius_m};
-  return {config.radius_min_m, config.radius_max_m};
+  SurfelOptions options{config.radius_min_m, config.radius_max_m};
+  if (config.radius_m) options = {0.9 * *config.radius_m, 1.1 * *config.radius_m};
+  options.narrowest_strip_px = config.min_width_px;
+  options.widest_strip_px = kWidestStrip_px;
+  return options;
 }
 
 /// Marks the cells in which a tube is seen.

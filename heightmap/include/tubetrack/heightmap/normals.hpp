@@ -16,6 +16,10 @@ struct SurfelOptions {
   double radius_min_m = 0.005;
   double radius_max_m = 0.100;
   double gate_sigmas = 4.0;  ///< curvature over its own σ, above which a surfel may be a tube's
+  /// Strips so wide that stand out from what is behind them give surfels by their silhouettes where their curvature
+  /// does not show; 0: none.
+  double narrowest_strip_px = 0.0;
+  double widest_strip_px = 0.0;
 };
 
 /// Half sizes of the square windows, in pixels: 7, 13 and 21 px across.

@@ -1,0 +1,35 @@
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "surfel_region.hpp"
+#include "tubetrack/heightmap/normals.hpp"
+
+namespace tubetrack {
+
+/// Cells [begin, end) of a row, or of a column: nearer than what is beyond both, with nothing in between.
+struct StripRun {
+  int line = 0;
+  int begin = 0;
+  int end = 0;
+  float depth_m = 0.0F;  ///< mean
+};
+
+/// Buffers.
+struct StripWork {
+  std::vector<StripRun> runs;
+  std::vector<std::size_t> first_of_line;  ///< in `runs`; one more than there are lines
+  std::vector<int> open;                   ///< by column, where the run that has not ended began
+  std::vector<Surfel> surfels;
+};
+
+/// A tube too narrow for windows shows by both silhouettes instead: surfels of narrow strips that stand out from what
+/// is behind them, each as if the strip's section were a half circle. (Whether it is one, the fit has to tell.) In cell
+/// order, one a cell at most, valid until the next call; `skip` as for SurfelFinder::find.
+std::span<const Surfel> strip_surfels(const HeightMap& map, const Heights& heights, const Edges& edges,
+                                      const AxialNoise& noise, const SurfelOptions& options,
+                                      std::span<const std::uint8_t> skip, StripWork& work);
+
+}  // namespace tubetrack
