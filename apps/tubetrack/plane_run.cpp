@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "interrupts.hpp"
+#include "progress.hpp"
 #include "scan_outputs.hpp"
 #include "scan_result.hpp"
 #include "tubetrack/heightmap/plane_map.hpp"
@@ -48,10 +49,11 @@ Expected<void> fuse_frame(const DepthFrame& frame, const TrackerConfig& config, 
   return {};
 }
 
-Expected<FusedFrames> fuse_all(FrameSource& source, const TrackerConfig& config, double cell_size_m) {
+Expected<FusedFrames> fuse_all(FrameSource& source, const TrackerConfig& config, const PlaneRunOptions& options) {
   const Intrinsics& camera = source.info().intrinsics;
   HeightMap readings = make_height_map(camera);
   FusedFrames fused;
+  Progress progress(options.quiet, source.info().frame_count);
   DepthFrame frame;
   while (!interrupted()) {
     const FrameOutcome outcome = source.next(frame, std::chrono::seconds(1));
@@ -65,8 +67,9 @@ Expected<FusedFrames> fuse_all(FrameSource& source, const TrackerConfig& config,
       ++fused.left_out;
       continue;
     }
-    if (auto taken = fuse_frame(frame, config, cell_size_m, readings, fused); !taken)
+    if (auto taken = fuse_frame(frame, config, options.cell_size_m, readings, fused); !taken)
       return tl::make_unexpected(taken.error());
+    progress.show(fused.fused + fused.left_out, fmt::format("fused {}  left out {}", fused.fused, fused.left_out));
   }
   return fused;
 }
@@ -76,7 +79,7 @@ Expected<FusedFrames> fuse_all(FrameSource& source, const TrackerConfig& config,
 Expected<int> run_plane_map(FrameSource& source, const TrackerConfig& config, const PlaneRunOptions& options) {
   const auto start = std::chrono::steady_clock::now();
   catch_interrupts();
-  auto fused = fuse_all(source, config, options.cell_size_m);
+  auto fused = fuse_all(source, config, options);
   if (!fused) return tl::make_unexpected(fused.error());
   if (fused->fused == 0)
     return tl::make_unexpected(Error::failed(fmt::format("{}: not one good frame came", source.info().name)));

@@ -1,7 +1,6 @@
 #include "run.hpp"
 
 #include <fmt/format.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <cerrno>
@@ -14,6 +13,7 @@
 
 #include "feed.hpp"
 #include "live_status.hpp"
+#include "progress.hpp"
 #include "tubetrack/report/overlay.hpp"
 #include "tubetrack/report/result_json.hpp"
 #include "tubetrack/report/summary.hpp"
@@ -54,43 +54,6 @@ class LineWriter {
   std::unique_ptr<std::FILE, Close> file_;
   std::string name_ = "stdout";
   std::int64_t lines_ = 0;
-};
-
-/// A bar on a terminal, nothing elsewhere.
-class Progress {
- public:
-  Progress(bool quiet, std::optional<std::int64_t> total)
-      : shown_(!quiet && isatty(STDERR_FILENO) != 0), total_(total) {}
-  ~Progress() { clear(); }
-  Progress(const Progress&) = delete;
-  Progress& operator=(const Progress&) = delete;
-
-  void show(const RunSummary& summary) {
-    const auto now = std::chrono::steady_clock::now();
-    if (!shown_ || now - last_ < std::chrono::milliseconds(100)) return;
-    last_ = now;
-    std::string text = fmt::format("frame {}", summary.frames);
-    if (total_ && *total_ > 0) {
-      constexpr std::int64_t kWidth = 30;
-      const auto done = static_cast<std::size_t>(std::min(kWidth, kWidth * summary.frames / *total_));
-      text =
-          fmt::format("[{}{}] {}/{}", std::string(done, '#'), std::string(kWidth - done, ' '), summary.frames, *total_);
-    }
-    fmt::print(stderr, "\r\x1b[K{}  tubes {}  bad {}  dropped {}", text, summary.tubes.size(), bad_frames(summary),
-               summary.dropped);
-    std::fflush(stderr);
-    drawn_ = true;
-  }
-
-  void clear() {
-    if (std::exchange(drawn_, false)) fmt::print(stderr, "\r\x1b[K");
-  }
-
- private:
-  bool shown_;
-  bool drawn_ = false;
-  std::optional<std::int64_t> total_;
-  std::chrono::steady_clock::time_point last_;
 };
 
 Expected<void> check_radius(double radius_m, const DepthFrame& frame, const std::string& name) {
@@ -170,7 +133,8 @@ Expected<void> handle(Run& run, const QueuedFrame& item) {
     if (auto written = write_overlay(path, item.frame, info.intrinsics, result); !written) return written;
   }
   if (run.view != nullptr && item.frame.pixels != nullptr) run.view->show(item.frame, result);
-  run.progress.show(run.summary);
+  run.progress.show(run.summary.frames, fmt::format("tubes {}  bad {}  dropped {}", run.summary.tubes.size(),
+                                                    bad_frames(run.summary), run.summary.dropped));
   return {};
 }
 

@@ -4,9 +4,18 @@
 
 namespace tubetrack {
 
+namespace {
+
+/// A height map shows nothing steeper than 75°, and of what a camera sees from one side 90° or so are left. Of a box it
+/// shows the top alone, so that there is no rounded edge to be taken for a tube.
+constexpr double kHeightMapArc_rad = 1.6;
+
+}  // namespace
+
 Expected<TubeFrame> tubes_of_scan(const Scan& scan, std::span<const Surfel> surfels, ScanTubesConfig& config,
                                   bool any_radius) {
   config.grid_step_m = scan.grid_step_m;
+  if (scan.kind == ScanKind::height_map) config.min_arc_rad = kHeightMapArc_rad;
   if (any_radius) {
     const RadiusRange range = default_radius_range(scan, surfels);
     config.radius_min_m = range.min_m;

@@ -1,8 +1,10 @@
 #include "tubetrack/heightmap/plane_map.hpp"
 
+#include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <optional>
 
 namespace tubetrack {
 
@@ -11,6 +13,7 @@ namespace {
 constexpr int kMostCells = 4096;
 constexpr int kGrowBy = 64;
 constexpr int kMostTrust = 10;
+constexpr double kEdgeSigmas = 6.0;  // between neighbours: a depth edge
 constexpr float kNone = std::numeric_limits<float>::quiet_NaN();
 
 /// Cells from begin to below end, either way.
@@ -27,7 +30,6 @@ struct Reading {
 
 /// Beside a depth edge a reading may be a mixture of what lies on either side.
 bool beside_edge(const HeightMap& frame, int u, int v, double sigma_m) {
-  constexpr double kEdgeSigmas = 6.0;
   const float depth_m = frame.depth_m[frame.cell(u, v)];
   const auto jumps = [&](int other_u, int other_v) {
     if (other_u < 0 || other_v < 0 || other_u >= frame.intrinsics.width || other_v >= frame.intrinsics.height)
@@ -36,6 +38,51 @@ bool beside_edge(const HeightMap& frame, int u, int v, double sigma_m) {
     return other_m <= 0.0F || std::abs(other_m - depth_m) > kEdgeSigmas * sigma_m;
   };
   return jumps(u - 1, v) || jumps(u + 1, v) || jumps(u, v - 1) || jumps(u, v + 1);
+}
+
+/// The plane normal · p = 1 (camera frame) through the readings around a pixel that are on its side of depth edges.
+/// Empty where too few are.
+std::optional<Eigen::Vector3d> plane_around(const HeightMap& frame, int u, int v, double sigma_m) {
+  constexpr int kHalf_px = 2;
+  const float own_m = frame.depth_m[frame.cell(u, v)];
+  Eigen::Matrix3d matrix = Eigen::Matrix3d::Zero();
+  Eigen::Vector3d right = Eigen::Vector3d::Zero();
+  int count = 0;
+  const Eigen::Vector2f& middle = frame.rays[frame.cell(u, v)];
+  for (int row = std::max(0, v - kHalf_px); row <= std::min(frame.intrinsics.height - 1, v + kHalf_px); ++row) {
+    for (int col = std::max(0, u - kHalf_px); col <= std::min(frame.intrinsics.width - 1, u + kHalf_px); ++col) {
+      const std::size_t cell = frame.cell(col, row);
+      const float depth_m = frame.depth_m[cell];
+      if (depth_m <= 0.0F || std::abs(depth_m - own_m) > kEdgeSigmas * sigma_m) continue;
+      const Eigen::Vector2d way = (frame.rays[cell] - middle).cast<double>() * frame.intrinsics.fx_px;
+      const Eigen::Vector3d at(way.x(), way.y(), 1.0);
+      matrix += at * at.transpose();
+      right += at / depth_m;
+      ++count;
+    }
+  }
+  const int side = 2 * kHalf_px + 1;
+  if (2 * count < side * side) return std::nullopt;
+  const Eigen::Vector3d w = matrix.ldlt().solve(right);
+  if (!w.allFinite()) return std::nullopt;
+  const double a = w.x() * frame.intrinsics.fx_px, b = w.y() * frame.intrinsics.fx_px;
+  return Eigen::Vector3d(a, b, w.z() - a * middle.x() - b * middle.y());
+}
+
+/// Moves a reading to where its ray meets the surface that the readings around it show, and by its height above that.
+/// Where its own noise carried it is no place for it: on a flank that faces away more readings come from the side that
+/// is seen better than go there, so that a mean by place lies too low, by 2 mm at the silhouette of a tube of 20 mm.
+/// False where no surface is seen, or one that no height tells.
+bool put_on_surface(const Eigen::Isometry3d& plane_from_camera, const Eigen::Vector3d& surface,
+                    const Eigen::Vector3d& ray, Eigen::Vector3d& point) {
+  constexpr double kSteepest = 0.25;  // cosine of 75°
+  const Eigen::Vector3d normal = plane_from_camera.linear() * surface;
+  const double along = surface.dot(ray);
+  if (along <= 0.0 || normal.z() < kSteepest * normal.norm()) return false;
+  const Eigen::Vector3d met = plane_from_camera * (ray / along);
+  const double behind = normal.dot(point - met);
+  point = {met.x(), met.y(), met.z() + behind / normal.z()};
+  return true;
 }
 
 std::vector<Reading> readings_of(const PlaneMap& map, const HeightMap& frame, const NoiseModel& noise,
@@ -47,10 +94,13 @@ std::vector<Reading> readings_of(const PlaneMap& map, const HeightMap& frame, co
     if (frame.depth_m[cell] <= 0.0F) continue;
     const double sigma_m = axial_sigma_m(noise, frame.depth_m[cell], 0.0);
     const auto width = static_cast<std::size_t>(frame.intrinsics.width);
-    if (beside_edge(frame, static_cast<int>(cell % width), static_cast<int>(cell / width), sigma_m)) continue;
+    const int u = static_cast<int>(cell % width), v = static_cast<int>(cell / width);
+    if (beside_edge(frame, u, v, sigma_m)) continue;
     const double depth_m = depth_of_level_m(levels, frame.depth_m[cell]);
     const Eigen::Vector3d ray(frame.rays[cell].x(), frame.rays[cell].y(), 1.0);
-    const Eigen::Vector3d point = plane_from_camera * (depth_m * ray);
+    Eigen::Vector3d point = plane_from_camera * (depth_m * ray);
+    const auto surface = plane_around(frame, u, v, sigma_m);
+    if (!surface || !put_on_surface(plane_from_camera, *surface, ray, point)) continue;
     if (!(-point.z() >= kLowest_m && -point.z() <= kHighest_m)) continue;
     const double col = std::floor(point.x() / map.cell_m), row = std::floor(point.y() / map.cell_m);
     if (std::abs(col) >= kMostCells || std::abs(row) >= kMostCells) continue;

@@ -70,8 +70,13 @@ TEST_F(Replay, PlaneMapAndAScanOfItsHeightMapGiveTheSameTubes) {
   ASSERT_TRUE(whole && again);
   EXPECT_EQ(whole->frame, 11);
   EXPECT_EQ(whole->frame_id, "world");
-  ASSERT_EQ(whole->tubes.size(), again->tubes.size());
-  ASSERT_FALSE(whole->tubes.empty());
+  ASSERT_EQ(whole->tubes.size(), 2U);
+  ASSERT_EQ(again->tubes.size(), 2U);
+  // The longer one is bent. Of the other, which lies aside, 0.42 m are in view.
+  EXPECT_NEAR(whole->tubes[0].radius_m, 0.015, 0.02 * 0.015);
+  EXPECT_NEAR(whole->tubes[1].radius_m, 0.020, 0.02 * 0.020);
+  EXPECT_NEAR(whole->tubes[0].length_m, 0.46, 0.01);
+  EXPECT_GT(whole->tubes[1].length_m, 0.36);
   for (std::size_t i = 0; i < whole->tubes.size(); ++i) {
     EXPECT_NEAR(whole->tubes[i].radius_m, again->tubes[i].radius_m, 1e-6);
     ASSERT_EQ(whole->tubes[i].centerline_m.size(), again->tubes[i].centerline_m.size());

@@ -2,7 +2,11 @@
 
 #include <gtest/gtest.h>
 
+#include <Eigen/Geometry>
+#include <array>
 #include <cmath>
+#include <numbers>
+#include <random>
 #include <vector>
 
 namespace tubetrack {
@@ -84,6 +88,66 @@ TEST(PlaneMap, LeavesOutWhatLiesUnderThePlane) {
   PlaneMap map = make_plane_map({Eigen::Vector3d::UnitZ(), 0.7}, Eigen::Isometry3d::Identity(), seen, 0.01);
   fuse(map, seen, {}, Eigen::Isometry3d::Identity());
   EXPECT_TRUE(std::isnan(height_near(map, 0.0, 0.0)));
+}
+
+/// Half a tube (a ridge of radius 20 mm along x) on the plane z = 0 of the world, whose z points down, seen by a camera
+/// that looks down at it at 45°.
+struct Ridge {
+  static constexpr double kRadius_m = 0.02;
+
+  static Eigen::Isometry3d world_from_camera() {
+    Eigen::Isometry3d pose = Eigen::Isometry3d::Identity();
+    pose.linear() = Eigen::AngleAxisd(0.25 * std::numbers::pi, Eigen::Vector3d::UnitX()).toRotationMatrix();
+    pose.translation() = -0.85 * pose.linear().col(2);
+    return pose;
+  }
+  static HeightMap seen(double sigma_m, std::mt19937& random) {
+    const Intrinsics camera{320, 240, 570.0, 570.0, 159.5, 119.5, {}};
+    const Eigen::Isometry3d pose = world_from_camera();
+    std::normal_distribution<double> noise(0.0, sigma_m);
+    HeightMap map = make_height_map(camera);
+    for (std::size_t cell = 0; cell < map.rays.size(); ++cell) {
+      const Eigen::Vector3d from = pose.translation();
+      const Eigen::Vector3d along = pose.linear() * Eigen::Vector3d(map.rays[cell].x(), map.rays[cell].y(), 1.0);
+      double depth_m = -from.z() / along.z();
+      const double a = along.tail<2>().squaredNorm();
+      const double b = from.tail<2>().dot(along.tail<2>());
+      const double root = b * b - a * (from.tail<2>().squaredNorm() - kRadius_m * kRadius_m);
+      if (root > 0.0) depth_m = std::min(depth_m, (-b - std::sqrt(root)) / a);
+      map.depth_m[cell] = static_cast<float>(depth_m + noise(random));
+    }
+    return map;
+  }
+};
+
+// By the places of the noisy points themselves it would lie 1 mm too low there.
+TEST(PlaneMap, AFlankThatFacesAwayFromTheCameraLiesWhereItIsInSpiteOfNoise) {
+  std::mt19937 random(3);
+  constexpr double kSigma_m = 0.0017;
+  const Eigen::Isometry3d pose = Ridge::world_from_camera();
+  const SupportPlane plane{pose.linear().transpose() * Eigen::Vector3d::UnitZ(), -pose.translation().z()};
+  PlaneMap map = make_plane_map(plane, pose, Ridge::seen(kSigma_m, random), 0.0015);
+  for (int i = 0; i < 20; ++i) fuse(map, Ridge::seen(kSigma_m, random), {}, pose);
+  std::array<double, 3> sum_m{};
+  std::array<int, 3> count{};
+  for (int row = 0; row < map.height; ++row) {
+    for (int col = 0; col < map.width; ++col) {
+      const float height_m = map.height_m[static_cast<std::size_t>(row) * static_cast<std::size_t>(map.width) +
+                                          static_cast<std::size_t>(col)];
+      const Eigen::Vector3d point =
+          map.world_from_plane * Eigen::Vector3d((map.first_col + col + 0.5) * map.cell_m,
+                                                 (map.first_row + row + 0.5) * map.cell_m, -height_m);
+      const double away = -point.y() / Ridge::kRadius_m;  // of the camera; its silhouette is at 0.71
+      if (std::isnan(height_m) || std::abs(point.x()) > 0.1 || away < -0.4 || away >= 0.2) continue;
+      const auto bin = static_cast<std::size_t>((away + 0.4) / 0.2);
+      sum_m[bin] += point.tail<2>().norm() - Ridge::kRadius_m;
+      ++count[bin];
+    }
+  }
+  for (std::size_t bin = 0; bin < sum_m.size(); ++bin) {
+    EXPECT_GT(count[bin], 250) << bin;
+    EXPECT_NEAR(sum_m[bin] / count[bin], 0.0, 0.00015) << bin;
+  }
 }
 
 }  // namespace
