@@ -1,8 +1,8 @@
 #pragma once
 
 #include <Eigen/Core>
-#include <vector>
 
+#include "tubetrack/tracker/recycled.hpp"
 #include "tubetrack/tracker/segments.hpp"
 
 namespace tubetrack {
@@ -26,11 +26,11 @@ struct Carry {
 };
 
 /// What each parameter does to all that lies behind its bend.
-std::vector<Carry> carries_of(const PlacedChain& placed, const PartChain& chain);
+RecycledVector<Carry> carries_of(const PlacedChain& placed, const PartChain& chain);
 
 /// How far the chain's point, fixed in its part, moves along a direction with each parameter.
 void put_derivatives(const ChainPoint& point, const Eigen::Vector3d& along, const PlacedChain& placed,
-                     const PartChain& chain, const std::vector<Carry>& carries, Eigen::VectorXd& row);
+                     const PartChain& chain, const RecycledVector<Carry>& carries, RecycledColumn& row);
 
 /// The place on the chain nearest to a point, by Newton steps from `foot_m`, to a tenth of the tube's radius squared
 /// over the bend's.
@@ -48,7 +48,7 @@ Probe probe_of(const PlacedChain& placed, const MeasuredCenterline& line, std::s
 
 /// Whitened residuals of all nodes at their feet (two a node), which are first brought nearer by a Newton step, and
 /// their derivatives. Returns the sum of their squares.
-double evaluate(const PartChain& chain, const MeasuredCenterline& line, std::vector<double>& foot_m,
-                Eigen::VectorXd& residual, Eigen::MatrixXd& jacobian);
+double evaluate(const PartChain& chain, const MeasuredCenterline& line, RecycledVector<double>& foot_m,
+                RecycledColumn& residual, RecycledMatrix& jacobian);
 
 }  // namespace tubetrack

@@ -92,16 +92,16 @@ void add_to_patch(PatchSums& patches, const ChainPoint& at, const Eigen::Vector3
 /// Of every `stride`-th point.
 void linearise(double scale_m, std::size_t stride, bool radius_known, ChainPointSet& set, SurfaceFit& fit) {
   const PlacedChain placed = place(fit.chain);
-  const std::vector<Carry> carries = carries_of(placed, fit.chain);
+  const RecycledVector<Carry> carries = carries_of(placed, fit.chain);
   const Eigen::Index count = parameter_count(fit.chain) + 1;
-  Eigen::MatrixXd& normal = fit.equations.normal;
-  Eigen::VectorXd& gradient = fit.equations.gradient;
+  RecycledMatrix& normal = fit.equations.normal;
+  RecycledColumn& gradient = fit.equations.gradient;
   normal.setZero(count, count);
   gradient.setZero(count);
   PatchSums patches;
   double weights = 0.0;
   fit.cost = 0.0;
-  Eigen::VectorXd row(count - 1);
+  RecycledColumn row(count - 1);
   for (std::size_t i = 0; i < set.points_m.size(); i += stride) {
     set.foot_m[i] = nearer_foot(placed, set.points_m[i], set.foot_m[i], fit.radius_m);
     const ChainPoint at = point_on(placed, set.foot_m[i]);
