@@ -1,8 +1,8 @@
 // How often the tracker asks for memory in a frame, once it has seen some.
-#include <fmt/format.h>
 #include <gtest/gtest.h>
 
-#include <algorithm>
+#include <numeric>
+#include <vector>
 
 #include "allocations.hpp"
 #include "figures.hpp"
@@ -15,12 +15,12 @@ namespace {
 constexpr int kFrames = 30;
 constexpr int kWarmUp = 60;  // once forth and back
 
-/// Allocations of each frame in the second time forth and back.
+/// Allocations of each frame after the warm-up, played forth and back twice more.
 std::vector<double> allocations_a_frame(const SpeedScene& speed) {
   const std::vector<RenderedFrame> frames = render_all(speed, kFrames);
   TubeTracker tracker = std::move(TubeTracker::create(speed_config(speed.scene.camera), speed.scene.camera).value());
   std::vector<double> counts;
-  for (int i = 0; i < 2 * kWarmUp; ++i) {
+  for (int i = 0; i < 3 * kWarmUp; ++i) {
     const DepthFrame frame = played_frame(frames, i);
     const std::size_t before = allocations_so_far();
     const std::size_t tubes = tracker.track(frame).tubes.size();
@@ -28,28 +28,27 @@ std::vector<double> allocations_a_frame(const SpeedScene& speed) {
     EXPECT_EQ(tubes, speed.scene.tubes.size()) << speed.name << ", frame " << i;
     if (i >= kWarmUp) counts.push_back(static_cast<double>(after - before));
   }
-  fmt::print("{}: {:.0f} allocations a frame (median), {:.0f} at most\n", speed.name, median(counts),
-             quantile(counts, 1.0));
   return counts;
 }
 
-// The goal of both is 0: no allocation in a frame after the warm-up. What stands here is what is true today, to be
-// brought down.
-constexpr double kMedianStill = 400.0;
-constexpr double kMostStill = 800.0;
-constexpr double kMedianMoving = 490.0;
-constexpr double kMostMoving = 960.0;
-
-TEST(FrameAllocations, OfAStillSceneDoNotGrow) {
-  const std::vector<double> counts = allocations_a_frame(still_scene());
-  EXPECT_LE(median(counts), kMedianStill);
-  EXPECT_LE(quantile(counts, 1.0), kMostStill);
+double sum(const std::vector<double>& counts) {
+  return std::accumulate(counts.begin(), counts.end(), 0.0);
 }
 
-TEST(FrameAllocations, OfAMovingTubeDoNotGrow) {
-  const std::vector<double> counts = allocations_a_frame(moving_tube_scene());
-  EXPECT_LE(median(counts), kMedianMoving);
-  EXPECT_LE(quantile(counts, 1.0), kMostMoving);
+// Sanitizers take recycled memory for used after it was freed, so there it is freed (recycled.cpp).
+TEST(FrameAllocations, OfAStillSceneAreNone) {
+  EXPECT_EQ(sum(allocations_a_frame(still_scene())), 0.0);
+}
+
+TEST(FrameAllocations, OfAMovingTubeAreNone) {
+  EXPECT_EQ(sum(allocations_a_frame(moving_tube_scene())), 0.0);
+}
+
+// What is no tube is looked at again and again, at other sizes: now and then a buffer must be larger than any before.
+TEST(FrameAllocations, OfAMovingCameraAreThoseOfABufferThatGrows) {
+  const std::vector<double> counts = allocations_a_frame(moving_camera_scene());
+  EXPECT_EQ(median(counts), 0.0);
+  EXPECT_LE(sum(counts), 2.0);
 }
 
 }  // namespace

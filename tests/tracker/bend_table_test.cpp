@@ -21,7 +21,7 @@ constexpr double kR = 0.0125;
 /// Along x from the origin, first bend towards y; sure of everything.
 FittedChain sure(const std::vector<ChainBend>& bends, double closing_m) {
   FittedChain fitted;
-  fitted.chain.bends = bends;
+  fitted.chain.bends.assign(bends.begin(), bends.end());
   fitted.chain.closing_m = closing_m;
   fitted.sigma.assign(bends.size(), {1e-4, 1e-3, 1e-3, 1e-4});
   fitted.closing_sigma_m = 1e-4;

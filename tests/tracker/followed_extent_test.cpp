@@ -4,6 +4,7 @@
 
 #include "pool.hpp"
 #include "tracker/tube_scene.hpp"
+#include "tubetrack/tracker/recycled.hpp"
 
 namespace tubetrack {
 namespace {
@@ -17,7 +18,7 @@ FollowedTube pooled_tube() {
   const Eigen::VectorXd parameters = parameters_of(tube.model);
   start_pool(tube);
   const Eigen::Index size = parameters.size();
-  Eigen::MatrixXd& matrix = tube.pooled.matrix;
+  RecycledMatrix& matrix = tube.pooled.matrix;
   matrix = Eigen::MatrixXd::Zero(size, size);
   for (Eigen::Index i = 0; i < size; ++i) {
     for (Eigen::Index j = std::max<Eigen::Index>(0, i - 11); j < std::min(size, i + 12); ++j) {

@@ -6,6 +6,7 @@
 #include <algorithm>
 
 #include "tube_scene.hpp"
+#include "tubetrack/tracker/recycled.hpp"
 
 namespace tubetrack {
 namespace {
@@ -13,7 +14,7 @@ namespace {
 struct Looked {
   HeightMap map;
   TubeModel model;
-  std::vector<PredictedPixel> pixels;
+  RecycledVector<PredictedPixel> pixels;
   Extent extent;
 };
 

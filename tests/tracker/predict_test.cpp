@@ -10,6 +10,7 @@
 #include <random>
 
 #include "tracker/tube_scene.hpp"
+#include "tubetrack/tracker/recycled.hpp"
 
 namespace tubetrack {
 namespace {
@@ -148,7 +149,7 @@ TEST(PredictPixels, WithAStrideAreEverySoManiethOfAll) {
   for (const AxisPoint& point : axis) line.push_back(point.position_m);
   const TubeModel model{spline_along(line, 0.025), 0.02};
   const auto all = predict_pixels(map, NoiseModel{}, model);
-  std::vector<PredictedPixel> some;
+  RecycledVector<PredictedPixel> some;
   for (const int stride : {1, 2, 3}) {
     std::vector<PredictedPixel> wanted;
     std::copy_if(all.begin(), all.end(), std::back_inserter(wanted), [&](const PredictedPixel& pixel) {

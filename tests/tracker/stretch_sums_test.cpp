@@ -8,6 +8,7 @@
 #include <random>
 
 #include "tubetrack/tracker/predict.hpp"
+#include "tubetrack/tracker/recycled.hpp"
 
 namespace tubetrack {
 namespace {
@@ -49,7 +50,7 @@ Scene random_scene(std::mt19937_64& random, int observations) {
   return scene;
 }
 
-std::vector<StretchSums> sums_of(const Scene& scene) {
+RecycledVector<StretchSums> sums_of(const Scene& scene) {
   return sum_stretches(scene.model, sort_by_stretch(scene.observations, scene.model.spline));
 }
 

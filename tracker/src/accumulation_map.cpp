@@ -58,7 +58,27 @@ VoteRecord vote_record(const Surfel& surfel, double cell_m) {
   return record;
 }
 
-AccumulationMap::AccumulationMap(double cell_m) : cell_m_(cell_m) {}
+AccumulationMap::AccumulationMap(double cell_m) : cell_m_(cell_m) {
+  // Room for a busy scene, so that its frames ask for none. What is never used takes no memory.
+  constexpr std::size_t kBlocks = 1 << 14;
+  constexpr std::size_t kVoxels = 1 << 17;
+  table_.reserve(kBlocks);
+  blocks_.reserve(kBlocks);
+  free_blocks_.reserve(kBlocks);
+  voxels_.reserve(kVoxels);
+  votes_.reserve(kVoxels);
+  free_voxels_.reserve(kVoxels);
+  changed_.reserve(2 * kBlocks);
+  stale_.reserve(kBlocks);
+  box_votes_of_.reserve(kVoxels);
+  peaks_.reserve(kBlocks);
+  peak_voxels_.reserve(kBlocks);
+}
+
+void AccumulationMap::restart(double cell_m) {
+  clear();
+  cell_m_ = cell_m;
+}
 
 void AccumulationMap::clear() {
   table_.clear();

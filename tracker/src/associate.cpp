@@ -9,6 +9,7 @@
 #include "confidence.hpp"
 #include "hide.hpp"
 #include "tubetrack/tracker/join.hpp"
+#include "tubetrack/tracker/recycled.hpp"
 
 namespace tubetrack {
 
@@ -23,9 +24,9 @@ constexpr double kSureTaper = 0.02;
 constexpr double kHook = 0.4;  // spans
 constexpr double kFastest_m_s = 0.75;
 
-std::vector<Eigen::Vector3d> samples_of(const TubeModel& model, const Extent& extent) {
+RecycledVector<Eigen::Vector3d> samples_of(const TubeModel& model, const Extent& extent) {
   constexpr int kSamples = 20;
-  std::vector<Eigen::Vector3d> points;
+  RecycledVector<Eigen::Vector3d> points;
   for (int i = 0; i <= kSamples; ++i) {
     points.push_back(point_at(model.spline, extent.t_begin + (extent.t_end - extent.t_begin) * i / kSamples));
   }
@@ -33,7 +34,7 @@ std::vector<Eigen::Vector3d> samples_of(const TubeModel& model, const Extent& ex
 }
 
 /// Mean distance from one line's samples to the other's nearest.
-double distance_m(const std::vector<Eigen::Vector3d>& from, const std::vector<Eigen::Vector3d>& to) {
+double distance_m(const RecycledVector<Eigen::Vector3d>& from, const RecycledVector<Eigen::Vector3d>& to) {
   double sum = 0.0;
   for (const Eigen::Vector3d& point : from) {
     double nearest = std::numeric_limits<double>::infinity();
@@ -79,7 +80,7 @@ FoundTube as_found(const FollowedTube& tube, const HeightMap& map, const Tracker
 }
 
 /// Joins pieces among themselves until no two belong together.
-void join_all(std::vector<FoundTube>& found, const HeightMap& map, const TrackerConfig& config) {
+void join_all(RecycledVector<FoundTube>& found, const HeightMap& map, const TrackerConfig& config) {
   for (std::size_t i = 0; i < found.size(); ++i) {
     for (std::size_t j = i + 1; j < found.size(); ++j) {
       auto joined = join_pieces(map, config, found[i], found[j]);
@@ -176,7 +177,7 @@ void take_in_fresh(KnownTubes& known, FoundTube found, const HeightMap& map, con
 
 }  // namespace
 
-void take_in(KnownTubes& known, std::vector<FoundTube> found, HeightMap& map, const TrackerConfig& config,
+void take_in(KnownTubes& known, RecycledVector<FoundTube> found, HeightMap& map, const TrackerConfig& config,
              double timestamp_s) {
   std::erase_if(found, [&](const FoundTube& tube) {
     return std::any_of(known.tubes.begin(), known.tubes.end(), [&](const FollowedTube& other) {

@@ -2,6 +2,8 @@
 
 #include <algorithm>
 
+#include "tubetrack/tracker/recycled.hpp"
+
 namespace tubetrack {
 
 using Eigen::Index;
@@ -16,7 +18,7 @@ Index BandSolver::end_in(Index col) const {
   return std::min(lower_.rows() - 1, col - col % 3 + 12);
 }
 
-BandSolver::BandSolver(const Eigen::MatrixXd& matrix) : lower_(matrix.rows(), matrix.rows()), diagonal_(matrix.rows()) {
+BandSolver::BandSolver(const RecycledMatrix& matrix) : lower_(matrix.rows(), matrix.rows()), diagonal_(matrix.rows()) {
   for (Index row = 0; row < matrix.rows(); ++row) {
     double* const own = &lower_(row, 0);  // times the diagonal until the row is done
     const Index first = first_in(row);
@@ -38,9 +40,9 @@ BandSolver::BandSolver(const Eigen::MatrixXd& matrix) : lower_(matrix.rows(), ma
   ok_ = true;
 }
 
-Eigen::VectorXd BandSolver::solve(const Eigen::VectorXd& right) const {
+RecycledColumn BandSolver::solve(const RecycledColumn& right) const {
   const Index size = lower_.rows();
-  Eigen::VectorXd x = right;
+  RecycledColumn x = right;
   for (Index row = 0; row < size; ++row) {
     for (Index col = first_in(row); col < row; ++col) x[row] -= lower_(row, col) * x[col];
   }
@@ -51,10 +53,10 @@ Eigen::VectorXd BandSolver::solve(const Eigen::VectorXd& right) const {
   return x;
 }
 
-Eigen::MatrixXd BandSolver::inverse_in_band() const {
+RecycledMatrix BandSolver::inverse_in_band() const {
   const Index size = lower_.rows();
   const Index last = size - 1;
-  Eigen::MatrixXd inverse = Eigen::MatrixXd::Zero(size, size);
+  RecycledMatrix inverse = Eigen::MatrixXd::Zero(size, size);
   inverse(last, last) = 1.0 / diagonal_[last];
   for (Index col = last - 1; col >= 0; --col) {
     const Index end = end_in(col);

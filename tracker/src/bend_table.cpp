@@ -82,8 +82,7 @@ std::size_t pieces_of_bend(double angle_rad) {
   return static_cast<std::size_t>(std::max(1.0, std::ceil(angle_rad / kLargestWhole_rad)));
 }
 
-BendTable bend_table_of(const FittedChain& fitted) {
-  BendTable table;
+void add_bends(const FittedChain& fitted, BendTable& table) {
   const PartChain& chain = fitted.chain;
   const PlacedChain placed = place(chain);
   table.xyz_m.push_back(chain.start_m);
@@ -97,6 +96,11 @@ BendTable bend_table_of(const FittedChain& fitted) {
   closing.length_sigma_m = fitted.closing_sigma_m;
   closing.ill_conditioned = !straight_for_sure(chain.closing_m, fitted.closing_sigma_m);
   table.lra.push_back(closing);
+}
+
+BendTable bend_table_of(const FittedChain& fitted) {
+  BendTable table;
+  add_bends(fitted, table);
   return table;
 }
 

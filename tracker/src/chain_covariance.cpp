@@ -5,6 +5,8 @@
 
 #include "chain_fit.hpp"
 #include "chain_residual.hpp"
+#include "chain_step.hpp"
+#include "tubetrack/tracker/recycled.hpp"
 
 namespace tubetrack {
 
@@ -12,8 +14,8 @@ namespace {
 
 /// The nodes' noise in the parameters' units: for each node (three columns) what a unit of noise adds to Jᵀ r.
 struct NoiseInFit {
-  Eigen::MatrixXd own;         ///< parameters × 3 nodes
-  Eigen::MatrixXd correlated;  ///< own plus what the nodes before add by correlation
+  RecycledMatrix own;          ///< parameters × 3 nodes
+  RecycledMatrix correlated;   ///< own plus what the nodes before add by correlation
   double expected_chi2 = 0.0;  ///< of the residuals, before the fit takes its part
 };
 
@@ -27,15 +29,15 @@ NoiseInFit noise_of(const ChainFit& fit, const MeasuredCenterline& line) {
   // Smooth noise: its correlation is (1 + d) exp(−d), in units of which the integral over both sides is 4. Such sums
   // over all nodes before are carried on from node to node.
   const double scale_m = 0.25 * line.correlation_m;
-  Eigen::MatrixXd near = Eigen::MatrixXd::Zero(fit.jacobian.cols(), 3);  // Σ exp(−d)
-  Eigen::MatrixXd far = near;                                            // Σ d exp(−d)
+  RecycledMatrix near = Eigen::MatrixXd::Zero(fit.jacobian.cols(), 3);  // Σ exp(−d)
+  RecycledMatrix far = near;                                            // Σ d exp(−d)
   for (Eigen::Index i = 0; i < nodes; ++i) {
     const auto node = static_cast<std::size_t>(i);
     const Probe probe = probe_of(placed, line, node, fit.foot_m[node]);
     const Eigen::Matrix3d covariance = line.covariance_m2[node] + least_m2 * Eigen::Matrix3d::Identity();
     const Eigen::Matrix<double, 2, 3> whitened = probe.along * Eigen::Matrix3d(covariance.llt().matrixL());
     noise.expected_chi2 += whitened.squaredNorm();
-    noise.own.middleCols<3>(3 * i) = fit.jacobian.middleRows<2>(2 * i).transpose() * whitened;
+    noise.own.middleCols<3>(3 * i).noalias() = fit.jacobian.middleRows<2>(2 * i).transpose() * whitened;
     noise.correlated.middleCols<3>(3 * i) = noise.own.middleCols<3>(3 * i);
     if (i == 0 || line.correlation_m <= 0.0) continue;
     const double step = std::abs(fit.foot_m[node] - fit.foot_m[node - 1]) / scale_m;
@@ -47,15 +49,16 @@ NoiseInFit noise_of(const ChainFit& fit, const MeasuredCenterline& line) {
   return noise;
 }
 
-Eigen::MatrixXd covariance_of(const ChainFit& fit, const MeasuredCenterline& line) {
+RecycledMatrix covariance_of(const ChainFit& fit, const MeasuredCenterline& line) {
   const NoiseInFit noise = noise_of(fit, line);
-  const Eigen::MatrixXd inverse = inverse_where_decided(fit.chain, fit.jacobian.transpose() * fit.jacobian);
-  const Eigen::MatrixXd half = noise.own * noise.correlated.transpose();
-  Eigen::MatrixXd spread = half + half.transpose();
+  const RecycledMatrix inverse = inverse_where_decided(fit.chain, fit.jacobian.transpose() * fit.jacobian);
+  const RecycledMatrix half = noise.own * noise.correlated.transpose();
+  RecycledMatrix spread = half + half.transpose();
   spread.noalias() -= noise.own * noise.own.transpose();
-  const double taken = (inverse * spread).trace();
+  const double taken = inverse.cwiseProduct(spread.transpose()).sum();
   const double left = std::max(0.2 * noise.expected_chi2, noise.expected_chi2 - taken);
-  const Eigen::MatrixXd covariance = inverse * spread * inverse;
+  const RecycledMatrix left_part = inverse * spread;
+  const RecycledMatrix covariance = left_part * inverse;
   return std::max(1.0, left > 0.0 ? fit.chi2 / left : 1.0) * covariance;
 }
 
@@ -70,9 +73,9 @@ double root(double variance) {
 
 }  // namespace
 
-Eigen::MatrixXd inverse_where_decided(const PartChain& chain, Eigen::MatrixXd normal) {
+RecycledMatrix inverse_where_decided(const PartChain& chain, RecycledMatrix normal) {
   const double least = 1e-12 * normal.diagonal().maxCoeff();
-  Eigen::VectorXd decided = Eigen::VectorXd::Ones(normal.rows());
+  RecycledColumn decided = Eigen::VectorXd::Ones(normal.rows());
   for (Eigen::Index k = 0; k < normal.rows(); ++k) {
     const Eigen::Index in_bend = k - kStartParameters;
     const bool touching = in_bend >= 0 && in_bend % kBendParameters == 0 && k < parameter_count(chain) &&
@@ -83,11 +86,13 @@ Eigen::MatrixXd inverse_where_decided(const PartChain& chain, Eigen::MatrixXd no
     normal(k, k) = 1.0;
     decided[k] = 0.0;
   }
-  Eigen::MatrixXd inverse = normal.ldlt().solve(Eigen::MatrixXd(decided.asDiagonal()));
-  return inverse;
+  RecycledMatrix right;
+  right.setZero(normal.rows(), normal.rows());
+  right.diagonal() = decided;
+  return solved(normal, right);
 }
 
-FittedChain with_covariance(const PartChain& chain, const Eigen::MatrixXd& covariance, double first_m, double last_m) {
+FittedChain with_covariance(const PartChain& chain, const RecycledMatrix& covariance, double first_m, double last_m) {
   FittedChain fitted;
   fitted.chain = chain;
   const PlacedChain placed = place(chain);
@@ -100,15 +105,15 @@ FittedChain with_covariance(const PartChain& chain, const Eigen::MatrixXd& covar
                             sigma(BendParameter::angle), chain.bends[i].radius_m * sigma(BendParameter::log_radius)});
   }
   // The closing length is what the chain leaves over up to the last node.
-  const std::vector<Carry> carries = carries_of(placed, chain);
+  const RecycledVector<Carry> carries = carries_of(placed, chain);
   const Eigen::Vector3d arm = placed.last_start_m - chain.start_m;
-  Eigen::VectorXd closing(parameter_count(chain));
+  RecycledColumn closing(parameter_count(chain));
   for (Eigen::Index k = 0; k < closing.size(); ++k) {
     const Carry& carry = carries[static_cast<std::size_t>(k)];
     closing[k] = placed.last_tangent.dot(carry.turn.cross(arm) + carry.shift);
   }
-  fitted.closing_sigma_m =
-      std::hypot(root(closing.dot(covariance.topLeftCorner(closing.size(), closing.size()) * closing)), last_m);
+  const RecycledColumn spread = covariance.topLeftCorner(closing.size(), closing.size()) * closing;
+  fitted.closing_sigma_m = std::hypot(root(closing.dot(spread)), last_m);
   if (fitted.sigma.empty()) {
     fitted.closing_sigma_m = std::hypot(first_m, last_m);
     return fitted;

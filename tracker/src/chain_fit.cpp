@@ -58,10 +58,7 @@ void trim(ChainFit& fit, double tube_radius_m) {
 }
 
 ChainEquations equations_of(const ChainFit& fit) {
-  ChainEquations equations;
-  equations.normal.noalias() = fit.jacobian.transpose() * fit.jacobian;
-  equations.gradient.noalias() = fit.jacobian.transpose() * fit.residual;
-  return equations;
+  return {fit.jacobian.transpose() * fit.jacobian, fit.jacobian.transpose() * fit.residual};
 }
 
 ChainFit one_step(const ChainFit& fit, const MeasuredCenterline& line, double damping) {

@@ -2,8 +2,8 @@
 
 #include <Eigen/Core>
 #include <optional>
-#include <vector>
 
+#include "tubetrack/tracker/recycled.hpp"
 #include "tubetrack/tracker/segments.hpp"
 
 namespace tubetrack {
@@ -11,11 +11,11 @@ namespace tubetrack {
 /// A chain fitted to a measured centreline.
 struct ChainFit {
   PartChain chain;
-  std::vector<double> foot_m;  ///< of each node: arc length along the chain
-  Eigen::VectorXd residual;    ///< whitened, two a node, across the chain
-  Eigen::MatrixXd jacobian;    ///< of the residual's model
-  double chi2 = 0.0;           ///< sum of squares, as if the nodes were independent
-  double cost = 0.0;           ///< BIC with the number of independent nodes: the smaller, the better the model
+  RecycledVector<double> foot_m;  ///< of each node: arc length along the chain
+  RecycledColumn residual;        ///< whitened, two a node, across the chain
+  RecycledMatrix jacobian;        ///< of the residual's model
+  double chi2 = 0.0;              ///< sum of squares, as if the nodes were independent
+  double cost = 0.0;              ///< BIC with the number of independent nodes: the smaller, the better the model
 };
 
 /// Levenberg-Marquardt on the distances of the nodes from the chain, across it, weighted by their covariance and a
@@ -28,11 +28,11 @@ ChainFit fit_chain(const PartChain& initial, const MeasuredCenterline& line, int
 /// The inverse of the normal equations of a chain's parameters (and what is behind them). What nothing decides on has
 /// no variance here, nor has a straight between arcs that touch: where it is 0, that it may grow by what the arcs give
 /// up changes the line in second order only.
-Eigen::MatrixXd inverse_where_decided(const PartChain& chain, Eigen::MatrixXd normal);
+RecycledMatrix inverse_where_decided(const PartChain& chain, RecycledMatrix normal);
 
 /// The chain with the σ's of its numbers, from the covariance of its parameters (and what is behind them) and how far,
 /// along the tube, its first and last point may be off.
-FittedChain with_covariance(const PartChain& chain, const Eigen::MatrixXd& covariance, double first_m, double last_m);
+FittedChain with_covariance(const PartChain& chain, const RecycledMatrix& covariance, double first_m, double last_m);
 
 /// The chain with its uncertainty: the covariance of the nodes, correlated along the line, through the fit, inflated
 /// where the residuals are larger than it says.

@@ -4,6 +4,8 @@
 #include <cmath>
 #include <utility>
 
+#include "tubetrack/tracker/recycled.hpp"
+
 namespace tubetrack {
 
 namespace {
@@ -63,23 +65,26 @@ PartChain merged(const PartChain& chain, std::size_t first) {
 
 }  // namespace
 
-std::vector<PartChain> simpler_chains(const FittedChain& fitted) {
+RecycledVector<PartChain> simpler_chains(const FittedChain& fitted) {
   const PartChain& chain = fitted.chain;
-  std::vector<std::pair<double, PartChain>> found;
+  RecycledVector<std::pair<double, PartChain>> found;
+  const auto add = [&](double doubt, PartChain simpler) {
+    const auto more = [](double one, const auto& other) { return one < other.first; };
+    found.emplace(std::upper_bound(found.begin(), found.end(), doubt, more), doubt, std::move(simpler));
+  };
   for (std::size_t i = 0; i < chain.bends.size(); ++i) {
     const double turned = in_sigmas(chain.bends[i].angle_rad, fitted.sigma[i].angle_rad);
-    if (turned < kDoubtfulSigmas) found.emplace_back(turned, without(chain, i));
+    if (turned < kDoubtfulSigmas) add(turned, without(chain, i));
     const double away = in_sigmas(chain.bends[i].straight_m, fitted.sigma[i].straight_m);
-    if (chain.bends[i].straight_m > 0.0 && away < kDoubtfulSigmas) found.emplace_back(away, touching(chain, i));
+    if (chain.bends[i].straight_m > 0.0 && away < kDoubtfulSigmas) add(away, touching(chain, i));
     if (i + 1 == chain.bends.size()) break;
     const ChainBend& next = chain.bends[i + 1];
     const double rotation_rad = std::abs(wrapped(next.rotation_rad));
     const double apart = std::max(in_sigmas(next.straight_m, fitted.sigma[i + 1].straight_m),
                                   in_sigmas(rotation_rad, fitted.sigma[i + 1].rotation_rad));
-    if (apart < kDoubtfulSigmas && rotation_rad < kDoubtfulRotation_rad) found.emplace_back(apart, merged(chain, i));
+    if (apart < kDoubtfulSigmas && rotation_rad < kDoubtfulRotation_rad) add(apart, merged(chain, i));
   }
-  std::stable_sort(found.begin(), found.end(), [](const auto& a, const auto& b) { return a.first < b.first; });
-  std::vector<PartChain> chains;
+  RecycledVector<PartChain> chains;
   chains.reserve(found.size());
   for (auto& [doubt, simpler] : found) chains.push_back(std::move(simpler));
   return chains;

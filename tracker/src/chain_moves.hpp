@@ -1,5 +1,6 @@
 #pragma once
 
+#include "tubetrack/tracker/recycled.hpp"
 #include "tubetrack/tracker/segments.hpp"
 
 namespace tubetrack {
@@ -7,6 +8,6 @@ namespace tubetrack {
 /// Simpler chains that may do as well: without a bend whose angle, without a straight whose length, or with two
 /// neighbouring bends made one whose distance and difference in plane, the nodes hardly tell from 0. The likeliest
 /// first.
-std::vector<PartChain> simpler_chains(const FittedChain& fitted);
+RecycledVector<PartChain> simpler_chains(const FittedChain& fitted);
 
 }  // namespace tubetrack

@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "tubetrack/tracker/recycled.hpp"
+
 namespace tubetrack {
 
 namespace {
@@ -24,8 +26,8 @@ Carry radius_inside(const PlacedBend& bend, const Eigen::Vector3d& start_m) {
 }
 
 /// The whitened directions' derivatives by all parameters.
-void fill_rows(const Probe& probe, const PlacedChain& placed, const PartChain& chain, const std::vector<Carry>& carries,
-               Eigen::Ref<Eigen::MatrixXd> rows) {
+void fill_rows(const Probe& probe, const PlacedChain& placed, const PartChain& chain,
+               const RecycledVector<Carry>& carries, Eigen::Ref<Eigen::MatrixXd> rows) {
   const Eigen::Vector3d arm = probe.point.position_m - chain.start_m;
   Eigen::Matrix<double, 3, 2> moment;
   moment.col(0) = arm.cross(probe.along.row(0).transpose());
@@ -68,8 +70,8 @@ void PartSums::add(const ChainPoint& point, const Eigen::Vector3d& along, const 
   gradient += (weight * residual_m) * row;
 }
 
-void put_together(const std::vector<PartSums>& parts, const std::vector<Carry>& carries, Eigen::MatrixXd& normal,
-                  Eigen::VectorXd& gradient) {
+void put_together(const std::vector<PartSums>& parts, const RecycledVector<Carry>& carries, RecycledMatrix& normal,
+                  RecycledColumn& gradient) {
   const auto count = static_cast<Eigen::Index>(carries.size()) + 1;
   normal.setZero(count, count);
   gradient.setZero(count);
@@ -98,13 +100,13 @@ Eigen::Index parameter_count(const PartChain& chain) {
   return kStartParameters + kBendParameters * static_cast<Eigen::Index>(chain.bends.size());
 }
 
-std::vector<Carry> carries_of(const PlacedChain& placed, const PartChain& chain) {
+RecycledVector<Carry> carries_of(const PlacedChain& placed, const PartChain& chain) {
   const Eigen::Vector3d& start = chain.start_m;
   const Eigen::Vector3d side = chain.direction.cross(chain.towards);
-  std::vector<Carry> carries = {{Eigen::Vector3d::Zero(), chain.towards, 0.0},
-                                {Eigen::Vector3d::Zero(), side, 0.0},
-                                {chain.towards, Eigen::Vector3d::Zero(), 0.0},
-                                {side, Eigen::Vector3d::Zero(), 0.0}};
+  RecycledVector<Carry> carries = {{Eigen::Vector3d::Zero(), chain.towards, 0.0},
+                                   {Eigen::Vector3d::Zero(), side, 0.0},
+                                   {chain.towards, Eigen::Vector3d::Zero(), 0.0},
+                                   {side, Eigen::Vector3d::Zero(), 0.0}};
   for (std::size_t i = 0; i < placed.bends.size(); ++i) {
     const PlacedBend& bend = placed.bends[i];
     const Eigen::Vector3d end =
@@ -136,10 +138,10 @@ Probe probe_of(const PlacedChain& placed, const MeasuredCenterline& line, std::s
   return probe;
 }
 
-double evaluate(const PartChain& chain, const MeasuredCenterline& line, std::vector<double>& foot_m,
-                Eigen::VectorXd& residual, Eigen::MatrixXd& jacobian) {
+double evaluate(const PartChain& chain, const MeasuredCenterline& line, RecycledVector<double>& foot_m,
+                RecycledColumn& residual, RecycledMatrix& jacobian) {
   const PlacedChain placed = place(chain);
-  const std::vector<Carry> carries = carries_of(placed, chain);
+  const RecycledVector<Carry> carries = carries_of(placed, chain);
   residual.resize(2 * static_cast<Eigen::Index>(line.nodes_m.size()));
   jacobian.setZero(residual.size(), parameter_count(chain));
   for (std::size_t i = 0; i < line.nodes_m.size(); ++i) {

@@ -3,6 +3,7 @@
 #include <Eigen/Core>
 #include <vector>
 
+#include "tubetrack/tracker/recycled.hpp"
 #include "tubetrack/tracker/segments.hpp"
 
 namespace tubetrack {
@@ -26,7 +27,7 @@ struct Carry {
 };
 
 /// What each parameter does to all that lies behind its bend.
-std::vector<Carry> carries_of(const PlacedChain& placed, const PartChain& chain);
+RecycledVector<Carry> carries_of(const PlacedChain& placed, const PartChain& chain);
 
 /// What points of a surface around one part of the chain (a straight, or an arc) say of it: each moves the part
 /// rigidly, or, in an arc, with the arc's radius. Sums over their (along, arm × along, along · way into the arc, 1).
@@ -45,8 +46,8 @@ inline std::size_t part_of(const ChainPoint& point) {
 }
 
 /// The equations of all parts together: derivatives by the chain's parameters and, last, by the tube's radius.
-void put_together(const std::vector<PartSums>& parts, const std::vector<Carry>& carries, Eigen::MatrixXd& normal,
-                  Eigen::VectorXd& gradient);
+void put_together(const std::vector<PartSums>& parts, const RecycledVector<Carry>& carries, RecycledMatrix& normal,
+                  RecycledColumn& gradient);
 
 /// The place on the chain nearest to a point, by Newton steps from `foot_m`, to a tenth of the tube's radius squared
 /// over the bend's.
@@ -64,7 +65,7 @@ Probe probe_of(const PlacedChain& placed, const MeasuredCenterline& line, std::s
 
 /// Whitened residuals of all nodes at their feet (two a node), which are first brought nearer by a Newton step, and
 /// their derivatives. Returns the sum of their squares.
-double evaluate(const PartChain& chain, const MeasuredCenterline& line, std::vector<double>& foot_m,
-                Eigen::VectorXd& residual, Eigen::MatrixXd& jacobian);
+double evaluate(const PartChain& chain, const MeasuredCenterline& line, RecycledVector<double>& foot_m,
+                RecycledColumn& residual, RecycledMatrix& jacobian);
 
 }  // namespace tubetrack

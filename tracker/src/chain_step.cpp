@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "chain_residual.hpp"
+#include "tubetrack/tracker/recycled.hpp"
 
 namespace tubetrack {
 
@@ -45,8 +46,15 @@ int hold_undecided(const PartChain& chain, ChainEquations& equations) {
   return free;
 }
 
-Eigen::VectorXd solve(const PartChain& chain, ChainEquations& equations) {
-  Eigen::VectorXd step = equations.normal.ldlt().solve(equations.gradient);
+RecycledMatrix solved(const RecycledMatrix& normal, const RecycledMatrix& right) {
+  constexpr int kUsual = 64;
+  using Usual = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::ColMajor, kUsual, kUsual>;
+  if (normal.rows() <= kUsual) return Eigen::LDLT<Usual>(normal).solve(right);
+  return Eigen::LDLT<Eigen::MatrixXd>(normal).solve(right);
+}
+
+RecycledColumn solve(const PartChain& chain, ChainEquations& equations) {
+  RecycledColumn step = solved(equations.normal, equations.gradient).col(0);
   for (std::size_t round = 0; round < chain.bends.size(); ++round) {
     bool held = false;
     for (std::size_t i = 0; i < chain.bends.size(); ++i) {
@@ -56,12 +64,12 @@ Eigen::VectorXd solve(const PartChain& chain, ChainEquations& equations) {
       held = true;
     }
     if (!held) break;
-    step = equations.normal.ldlt().solve(equations.gradient);
+    step = solved(equations.normal, equations.gradient).col(0);
   }
   return step;
 }
 
-void move_chain(PartChain& chain, const Eigen::VectorXd& step) {
+void move_chain(PartChain& chain, const RecycledColumn& step) {
   const Eigen::Vector3d side = chain.direction.cross(chain.towards);
   chain.start_m += step[0] * chain.towards + step[1] * side;
   const Eigen::Vector3d turn = step[2] * chain.towards + step[3] * side;

@@ -5,6 +5,7 @@
 #include <algorithm>
 
 #include "motion.hpp"
+#include "tubetrack/tracker/recycled.hpp"
 
 namespace tubetrack {
 
@@ -46,7 +47,8 @@ double mean_age_s(const Drift& drift) {
 }
 
 void add_frame(Drift& drift, const Information& observed) {
-  const Eigen::VectorXd seen = observed.vector - observed.matrix * parameters_of(drift.anchor);
+  RecycledColumn seen = observed.vector;
+  seen.noalias() -= observed.matrix * parameters_of(drift.anchor);
   drift.information += onto_motion(drift.anchor, observed.matrix);
   drift.seen += onto_motion(drift.anchor, seen);
 }

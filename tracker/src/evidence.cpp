@@ -8,6 +8,7 @@
 #include <span>
 
 #include "shape_sums.hpp"
+#include "tubetrack/tracker/recycled.hpp"
 
 namespace tubetrack {
 
@@ -43,7 +44,7 @@ using Beside = std::array<Part, kParts>;
 
 constexpr double kNoReturn = 10.0;
 
-double median_or_far(std::vector<double>& values) {
+double median_or_far(RecycledVector<double>& values) {
   if (values.size() < 3) return kNoReturn;
   const auto at = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
   std::nth_element(values.begin(), at, values.end());
@@ -68,8 +69,8 @@ bool goes_straight_on(const Rings& rings) {
 
 /// On the left (sign −1) or right (+1) of the tube, from the pixels of one as thick as the outermost ring.
 Beside beside(const HeightMap& map, const TubeModel& model, const Extent& extent,
-              const std::vector<PredictedPixel>& wide_pixels, double sign) {
-  std::array<std::array<std::vector<double>, kRings>, kParts> depths;
+              const RecycledVector<PredictedPixel>& wide_pixels, double sign) {
+  std::array<std::array<RecycledVector<double>, kRings>, kParts> depths;
   for (const PredictedPixel& pixel : wide_pixels) {
     const double lateral = kRingBorders.back() * sign * pixel.lateral;
     const float measured = map.depth_m[pixel.cell];
@@ -132,8 +133,8 @@ void judge_beside(const Beside& beside, Side& side) {
 
 /// How far the surface agrees with the circle on one side, by bins of a 40th of the radius pooled along the tube, but
 /// for where something nearer hides it: that says nothing of where it ends.
-Side side_of(const HeightMap& map, const TubeModel& model, const std::vector<Station>& stations, const Extent& extent,
-             const std::vector<PredictedPixel>& predicted, double sign) {
+Side side_of(const HeightMap& map, const TubeModel& model, const RecycledVector<Station>& stations,
+             const Extent& extent, const RecycledVector<PredictedPixel>& predicted, double sign) {
   constexpr int kBins = 40;
   const auto count = static_cast<int>(stations.size());
   std::array<int, kBins> expected{};
@@ -182,7 +183,7 @@ struct SurfaceSums {
   double depth_m = 0.0;
 };
 
-SurfaceSums sum_surface(const HeightMap& map, const TubeModel& model, const std::vector<PredictedPixel>& predicted,
+SurfaceSums sum_surface(const HeightMap& map, const TubeModel& model, const RecycledVector<PredictedPixel>& predicted,
                         const Extent& extent) {
   SurfaceSums sums;
   const double middle = 0.5 * (extent.t_begin + extent.t_end);
@@ -234,7 +235,7 @@ void judge_taper(const SurfaceSums& sums, double radius_m, Evidence& evidence) {
 }
 
 /// Where the tube is hidden it is not confirmed, but nothing speaks against it either.
-double support_of(const std::vector<Station>& stations, const Extent& extent) {
+double support_of(const RecycledVector<Station>& stations, const Extent& extent) {
   int agree = 0;
   int expected = 0;
   for (const Station& station : stations) {
@@ -248,7 +249,7 @@ double support_of(const std::vector<Station>& stations, const Extent& extent) {
 }  // namespace
 
 Evidence surface_evidence(const HeightMap& map, const NoiseModel& noise, const TubeModel& model,
-                          const std::vector<PredictedPixel>& predicted, const std::vector<Station>& stations,
+                          const RecycledVector<PredictedPixel>& predicted, const RecycledVector<Station>& stations,
                           const Extent& extent) {
   const SurfaceSums sums = sum_surface(map, model, predicted, extent);
   Evidence evidence;
@@ -274,7 +275,7 @@ void look_beside(const HeightMap& map, const NoiseModel& noise, const TubeModel&
   for (double& offset_m : wide.profile.offset_m) offset_m *= kRingBorders.back();
   // Medians of many pixels: of a wide tube, every so manieth will do.
   const int stride = std::clamp(static_cast<int>(evidence.width_px / 12.0), 1, 4);
-  const std::vector<PredictedPixel> pixels = predict_pixels(map, noise, wide, stride);
+  const RecycledVector<PredictedPixel> pixels = predict_pixels(map, noise, wide, stride);
   const std::array<Beside, 2> both{beside(map, model, extent, pixels, -1.0), beside(map, model, extent, pixels, 1.0)};
   const auto& [left, right] = both;
   evidence.edge_share = straight_share(both);
@@ -288,7 +289,7 @@ void look_beside(const HeightMap& map, const NoiseModel& noise, const TubeModel&
 }
 
 Evidence gather_evidence(const HeightMap& map, const NoiseModel& noise, const TubeModel& model,
-                         const std::vector<PredictedPixel>& predicted, const Extent& extent) {
+                         const RecycledVector<PredictedPixel>& predicted, const Extent& extent) {
   const auto stations = stations_of(map, model, predicted, station_length_m(map, model));
   Evidence evidence = surface_evidence(map, noise, model, predicted, stations, extent);
   if (evidence.width_px > 0.0) look_beside(map, noise, model, extent, evidence);

@@ -2,10 +2,12 @@
 
 #include <algorithm>
 #include <cmath>
+#include <vector>
 
 #include "hide.hpp"
 #include "stopwatch.hpp"
 #include "tubetrack/tracker/join.hpp"
+#include "tubetrack/tracker/recycled.hpp"
 #include "tubetrack/tracker/trace.hpp"
 
 namespace tubetrack {
@@ -17,8 +19,8 @@ constexpr int kFirstRest = 8;     // frames
 constexpr int kLongestRest = 32;  // a second
 
 /// The traced points around the peak as long as they run smoothly and at one radius.
-std::vector<Eigen::Vector3d> smooth_part(const std::vector<TracePoint>& trace, const VoxelIndex& peak,
-                                         double radius_m) {
+RecycledVector<Eigen::Vector3d> smooth_part(const RecycledVector<TracePoint>& trace, const VoxelIndex& peak,
+                                            double radius_m) {
   const auto start = std::find_if(trace.begin(), trace.end(), [&](const TracePoint& p) { return p.voxel == peak; });
   const auto calm = [&](const TracePoint& before, const TracePoint& at, const TracePoint& after) {
     const Eigen::Vector3d first = at.position_m - before.position_m;
@@ -26,7 +28,7 @@ std::vector<Eigen::Vector3d> smooth_part(const std::vector<TracePoint>& trace, c
     return first.dot(second) > 0.82 * first.norm() * second.norm() &&
            std::abs(after.radius_m - radius_m) < 0.25 * radius_m;
   };
-  std::vector<Eigen::Vector3d> line;
+  RecycledVector<Eigen::Vector3d> line;
   if (start == trace.end() || start == trace.begin() || start + 1 == trace.end()) return line;
   auto first = start - 1;
   auto last = start + 1;
@@ -37,7 +39,7 @@ std::vector<Eigen::Vector3d> smooth_part(const std::vector<TracePoint>& trace, c
 }
 
 /// The radius votes come from, over the trace: the median of its points.
-double radius_of(std::vector<TracePoint> trace) {
+double radius_of(RecycledVector<TracePoint> trace) {
   const auto middle = trace.begin() + static_cast<std::ptrdiff_t>(trace.size() / 2);
   std::nth_element(trace.begin(), middle, trace.end(),
                    [](const TracePoint& a, const TracePoint& b) { return a.radius_m < b.radius_m; });
@@ -49,14 +51,15 @@ bool lies_at(const FailedPlace& place, const Eigen::Vector3d& center_m, double c
   return (place.position_m - center_m).squaredNorm() < near_m * near_m;
 }
 
-bool is_at_rest(const std::vector<FailedPlace>& failed, const Eigen::Vector3d& center_m, int votes, double cell_m) {
+bool is_at_rest(const RecycledVector<FailedPlace>& failed, const Eigen::Vector3d& center_m, int votes, double cell_m) {
   return std::any_of(failed.begin(), failed.end(), [&](const FailedPlace& place) {
     return place.frames < place.rest_frames && 2 * votes < 3 * place.votes && lies_at(place, center_m, cell_m);
   });
 }
 
 /// The whole trace of a seed that failed.
-void put_to_rest(std::vector<FailedPlace>& failed, const std::vector<TracePoint>& trace, int votes, double cell_m) {
+void put_to_rest(RecycledVector<FailedPlace>& failed, const RecycledVector<TracePoint>& trace, int votes,
+                 double cell_m) {
   int rest = kFirstRest;
   const Eigen::Vector3d& center_m = trace[trace.size() / 2].position_m;
   for (const FailedPlace& place : failed) {
@@ -67,7 +70,7 @@ void put_to_rest(std::vector<FailedPlace>& failed, const std::vector<TracePoint>
 }
 
 /// Drops the tubes of which this one is a longer fit. False if it is itself one that is known.
-bool take_place(std::vector<FoundTube>& tubes, const FoundTube& found) {
+bool take_place(RecycledVector<FoundTube>& tubes, const FoundTube& found) {
   const auto is_part = [](const FoundTube& part, const FoundTube& whole) {
     return same_tube(part.model, part.extent, whole.model, whole.extent);
   };
@@ -81,7 +84,7 @@ bool take_place(std::vector<FoundTube>& tubes, const FoundTube& found) {
 
 /// Fits every tube again that others are seen in front of, without the pixels that are theirs: where two touch, the
 /// flank of one runs on into the other's.
-void part_neighbors(std::vector<FoundTube>& tubes, HeightMap& map, const TrackerConfig& config) {
+void part_neighbors(RecycledVector<FoundTube>& tubes, HeightMap& map, const TrackerConfig& config) {
   HiddenCells hidden;
   for (FoundTube& tube : tubes) {
     const SeenTube mine = seen(tube);
@@ -96,7 +99,7 @@ void part_neighbors(std::vector<FoundTube>& tubes, HeightMap& map, const Tracker
 }
 
 /// Tries again the seeds that did not show a tube, without the pixels of the tubes found since.
-void try_again(const std::vector<Seed>& refused, std::vector<FoundTube>& tubes, HeightMap& map,
+void try_again(const RecycledVector<Seed>& refused, RecycledVector<FoundTube>& tubes, HeightMap& map,
                const TrackerConfig& config) {
   HiddenCells hidden;
   for (const Seed& seed : refused) {
@@ -112,7 +115,7 @@ void try_again(const std::vector<Seed>& refused, std::vector<FoundTube>& tubes, 
 
 /// Withdraws the votes of every surfel on the tube.
 void withdraw_explained(AccumulationMap& votes, std::span<const Surfel> surfels, std::span<const CastVote> cast,
-                        const FoundTube& tube, std::vector<bool>& withdrawn) {
+                        const FoundTube& tube, RecycledVector<bool>& withdrawn) {
   const auto& pixels = tube.pixels;  // in cell order, as the surfels are
   auto pixel = pixels.begin();
   for (std::size_t i = 0; i < surfels.size(); ++i) {
@@ -130,7 +133,7 @@ void withdraw_explained(AccumulationMap& votes, std::span<const Surfel> surfels,
 
 double matching_cell_m(std::span<const Surfel> surfels, double focal_px) {
   if (surfels.empty()) return 0.0;
-  std::vector<float> depths;
+  RecycledVector<float> depths;
   depths.reserve(surfels.size());
   for (const Surfel& surfel : surfels) depths.push_back(surfel.position_m.z());
   const auto middle = depths.begin() + static_cast<std::ptrdiff_t>(depths.size() / 2);
@@ -139,17 +142,17 @@ double matching_cell_m(std::span<const Surfel> surfels, double focal_px) {
   return 0.001 * std::pow(2.0, 0.5 * std::round(2.0 * std::log2(two_pixels_m / 0.001)));
 }
 
-std::vector<FoundTube> find_tubes(AccumulationMap& votes, std::span<const Surfel> surfels,
-                                  std::span<const CastVote> cast, HeightMap& map, const TrackerConfig& config,
-                                  int max_failures, Deadline& deadline, std::vector<FailedPlace>& failed,
-                                  StageTimes& times) {
+RecycledVector<FoundTube> find_tubes(AccumulationMap& votes, std::span<const Surfel> surfels,
+                                     std::span<const CastVote> cast, HeightMap& map, const TrackerConfig& config,
+                                     int max_failures, Deadline& deadline, RecycledVector<FailedPlace>& failed,
+                                     StageTimes& times) {
   Stopwatch watch;
-  std::vector<FoundTube> tubes;
-  std::vector<bool> withdrawn(surfels.size(), false);
+  RecycledVector<FoundTube> tubes;
+  RecycledVector<bool> withdrawn(surfels.size(), false);
   for (FailedPlace& place : failed) ++place.frames;
   std::erase_if(failed, [](const FailedPlace& place) { return place.frames >= 2 * place.rest_frames; });
   int failures = 0;
-  std::vector<Seed> refused;
+  RecycledVector<Seed> refused;
   const std::vector<VoxelIndex>& peaks = votes.peaks(kMinVotes, 1);
   watch.lap(times.trace_ms);
   for (const VoxelIndex& peak : peaks) {
@@ -164,7 +167,7 @@ std::vector<FoundTube> find_tubes(AccumulationMap& votes, std::span<const Surfel
     TraceOptions options;
     options.step_m = config.radius_m.value_or(radius_at_peak_m);
     options.patch_half_m = 0.5 * options.step_m;
-    const std::vector<TracePoint> trace = trace_both_ways(votes, peak, options);
+    const RecycledVector<TracePoint> trace = trace_both_ways(votes, peak, options);
     const double radius_m = config.radius_m.value_or(radius_of(trace));
     const Seed seed{center, axis_of(sum).direction, radius_m, smooth_part(trace, peak, radius_m)};
     watch.lap(times.trace_ms);

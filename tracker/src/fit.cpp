@@ -7,6 +7,7 @@
 #include "band_solver.hpp"
 #include "fit_steps.hpp"
 #include "normal_equations.hpp"
+#include "tubetrack/tracker/recycled.hpp"
 #include "varying_fit.hpp"
 
 namespace tubetrack {
@@ -17,9 +18,9 @@ ResidualTerm residual_of(const TubeModel& model, const Observation& observation)
   return term;
 }
 
-Eigen::VectorXd parameters_of(const TubeModel& model) {
+RecycledColumn parameters_of(const TubeModel& model) {
   const std::size_t count = model.spline.control_m.size();
-  Eigen::VectorXd all(static_cast<Eigen::Index>(3 * count + 1));
+  RecycledColumn all(static_cast<Eigen::Index>(3 * count + 1));
   for (std::size_t k = 0; k < count; ++k) all.segment<3>(static_cast<Eigen::Index>(3 * k)) = model.spline.control_m[k];
   all[all.size() - 1] = model.radius_m;
   return all;
@@ -30,11 +31,12 @@ std::optional<FitQuality> take_step(TubeModel& model, ObservedEquations observed
   if (observed.used < 20) return std::nullopt;
   const NormalEquations eq = normal_equations(model, observed, options);
   FitQuality quality;
-  quality.observed.vector = observed.matrix * parameters_of(model) + observed.right;
+  quality.observed.vector = observed.right;
+  quality.observed.vector.noalias() += observed.matrix * parameters_of(model);
   quality.observed.matrix = std::move(observed.matrix);
   const BandSolver solver(eq.matrix);
   if (!solver.ok()) return std::nullopt;
-  const Eigen::VectorXd change = solver.solve(eq.right);
+  const RecycledColumn change = solver.solve(eq.right);
   if (!change.allFinite()) return std::nullopt;
   for (std::size_t k = 0; k < model.spline.control_m.size(); ++k) {
     const Eigen::Vector3d move = change.segment<3>(static_cast<Eigen::Index>(3 * k));
@@ -71,7 +73,7 @@ std::optional<FitQuality> fit_tube(TubeModel& model, const SortedObservations& o
   return quality;
 }
 
-std::optional<FitQuality> fit_tube(TubeModel& model, const std::vector<Observation>& observations,
+std::optional<FitQuality> fit_tube(TubeModel& model, std::span<const Observation> observations,
                                    const FitOptions& options) {
   return fit_tube(model, sort_by_stretch(observations, model.spline), options);
 }

@@ -6,6 +6,7 @@
 
 #include "drift.hpp"
 #include "motion.hpp"
+#include "tubetrack/tracker/recycled.hpp"
 
 namespace tubetrack {
 
@@ -18,13 +19,13 @@ bool covered(const Station& station) {
 
 /// A matrix over control points and radius, with so many control points more (or, below 0, fewer) at either end; new
 /// ones get `diagonal`.
-Eigen::MatrixXd resized(const Eigen::MatrixXd& matrix, int front, int back, double diagonal) {
+RecycledMatrix resized(const RecycledMatrix& matrix, int front, int back, double diagonal) {
   if (matrix.rows() == 0) return matrix;
   const Eigen::Index size = matrix.rows() + 3 * (front + back);
   const Eigen::Index from = 3 * std::max(0, -front);
   const Eigen::Index to = 3 * std::max(0, front);
   const Eigen::Index kept = std::min(matrix.rows() - 1 - from, size - 1 - to);
-  Eigen::MatrixXd result = Eigen::MatrixXd::Zero(size, size);
+  RecycledMatrix result = Eigen::MatrixXd::Zero(size, size);
   result.diagonal().setConstant(diagonal);
   result.block(to, to, kept, kept) = matrix.block(from, from, kept, kept);
   result.block(to, size - 1, kept, 1) = matrix.block(from, matrix.cols() - 1, kept, 1);
@@ -35,7 +36,7 @@ Eigen::MatrixXd resized(const Eigen::MatrixXd& matrix, int front, int back, doub
 
 /// What is dropped is from now on where `parameters` have it: the vector is of absolute places, so what the information
 /// says of the others given those must go over into it.
-Information resized(const Information& information, const Eigen::VectorXd& parameters, int front, int back) {
+Information resized(const Information& information, const RecycledColumn& parameters, int front, int back) {
   Information result{resized(information.matrix, front, back, 0.0), {}};
   result.vector = Eigen::VectorXd::Zero(result.matrix.rows());
   if (information.vector.size() == 0) return result;
@@ -44,9 +45,9 @@ Information resized(const Information& information, const Eigen::VectorXd& param
   const Eigen::Index to = 3 * std::max(0, front);
   const Eigen::Index kept = std::min(last - from, result.vector.size() - 1 - to);
   const Eigen::Index behind = last - from - kept;
-  const Eigen::VectorXd old =
-      information.vector - information.matrix.leftCols(from) * parameters.head(from) -
-      information.matrix.middleCols(from + kept, behind) * parameters.segment(from + kept, behind);
+  RecycledColumn old = information.vector;
+  old.noalias() -= information.matrix.leftCols(from) * parameters.head(from);
+  old.noalias() -= information.matrix.middleCols(from + kept, behind) * parameters.segment(from + kept, behind);
   result.vector.segment(to, kept) = old.segment(from, kept);
   result.vector[result.vector.size() - 1] = old[old.size() - 1];
   return result;
@@ -63,7 +64,7 @@ bool hidden(const Station& station) {
   return station.expected == 0 || 2 * (station.before + unseen) > station.expected;
 }
 
-Extent confirmed_extent(const std::vector<Station>& stations, const Extent& before) {
+Extent confirmed_extent(const RecycledVector<Station>& stations, const Extent& before) {
   if (stations.size() < 2) return {};
   const double half = 0.5 * (stations[1].t - stations[0].t);
   const auto last_index = static_cast<int>(stations.size()) - 1;
@@ -75,7 +76,7 @@ Extent confirmed_extent(const std::vector<Station>& stations, const Extent& befo
   int last = index_of(before.t_end - half);
   if (first > last) return {};
   // A few pixels agree by chance anywhere: a stretch counts when about as many are to be seen as in the middle.
-  std::vector<int> expected;
+  RecycledVector<int> expected;
   for (int i = first; i <= last; ++i) expected.push_back(at(i).expected);
   const auto middle = expected.begin() + static_cast<std::ptrdiff_t>(expected.size() / 2);
   std::nth_element(expected.begin(), middle, expected.end());
@@ -94,7 +95,7 @@ Extent confirmed_extent(const std::vector<Station>& stations, const Extent& befo
 void fit_spline_to_extent(FollowedTube& tube) {
   auto& q = tube.model.spline.control_m;
   const Eigen::Vector3d middle = middle_of(tube.model);
-  const Eigen::VectorXd parameters = parameters_of(tube.model);
+  const RecycledColumn parameters = parameters_of(tube.model);
   int front = 0;
   int back = 0;
   while (q.size() > 6 && tube.model.spline.spans() - tube.extent.t_end > 2.5) {

@@ -1,6 +1,7 @@
 #pragma once
 
 #include "tubetrack/tracker/follow.hpp"
+#include "tubetrack/tracker/recycled.hpp"
 
 namespace tubetrack {
 
@@ -12,7 +13,7 @@ bool hidden(const Station& station);
 
 /// Lengthens an extent by what is surely seen; shortens it to what is seen, or hidden by something nearer. Empty where
 /// nothing is left.
-Extent confirmed_extent(const std::vector<Station>& stations, const Extent& before);
+Extent confirmed_extent(const RecycledVector<Station>& stations, const Extent& before);
 
 /// Grows the spline where the tube reaches its end, and drops what is far beyond the extent. All that is indexed by
 /// control points or t goes with it.

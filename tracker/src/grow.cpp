@@ -8,6 +8,7 @@
 #include "fit_steps.hpp"
 #include "observe.hpp"
 #include "shape_sums.hpp"
+#include "tubetrack/tracker/recycled.hpp"
 #include "why_no_tube.hpp"
 
 namespace tubetrack {
@@ -79,7 +80,7 @@ int seed_stride(const HeightMap& map, const Seed& seed, double radius_m) {
 }
 
 /// Is what is seen there nearly as flat as a plane? Then it is no tube of anything like that radius.
-bool is_flat(const HeightMap& map, const TubeModel& model, const std::vector<PredictedPixel>& pixels) {
+bool is_flat(const HeightMap& map, const TubeModel& model, const RecycledVector<PredictedPixel>& pixels) {
   ShapeSums shape;
   for (const PredictedPixel& pixel : pixels) {
     const float measured = map.depth_m[pixel.cell];
@@ -125,8 +126,8 @@ std::optional<FoundTube> fit_seed(const HeightMap& map, const TrackerConfig& con
 }
 
 /// Pixels and stations of the present model, and how far along it the image confirms it, across gaps so wide.
-std::vector<Station> look(const HeightMap& map, const TrackerConfig& config, int stride, double max_gap_radii,
-                          FoundTube& found) {
+RecycledVector<Station> look(const HeightMap& map, const TrackerConfig& config, int stride, double max_gap_radii,
+                             FoundTube& found) {
   predict_pixels(map, config.noise, found.model, stride, found.pixels);
   const double station_m = stride * station_length_m(map, found.model);
   auto stations = stations_of(map, found.model, found.pixels, station_m);
@@ -156,7 +157,7 @@ std::optional<FoundTube> grow_until_settled(const HeightMap& map, const TrackerC
   options.varying_radius = config.varying_radius;
   options.radius_min_m = 0.5 * config.radius_min_m;
   options.radius_max_m = 1.5 * config.radius_max_m;
-  std::vector<Station> stations;
+  RecycledVector<Station> stations;
   thread_local Sighting sighting;  // for its buffers
   look(map, config, stride, rounds.max_gap_radii, found);
   double length_before_m = rounds.length_m;
@@ -214,7 +215,7 @@ std::optional<FoundTube> grow_model(const HeightMap& map, const TrackerConfig& c
 
 /// Grows along the traced line where there is one, else from the seed alone.
 std::optional<FoundTube> grow_from(const HeightMap& map, const TrackerConfig& config, const TubeModel& start,
-                                   const std::vector<Eigen::Vector3d>& line_m) {
+                                   const RecycledVector<Eigen::Vector3d>& line_m) {
   if (line_m.size() > 3) {
     TubeModel traced{spline_along(line_m, kKnotSpacingRadii * start.radius_m), start.radius_m};
     auto found = grow_model(map, config, std::move(traced));
@@ -225,7 +226,7 @@ std::optional<FoundTube> grow_from(const HeightMap& map, const TrackerConfig& co
 
 /// The same with the radius held at what the silhouettes say.
 std::optional<FoundTube> grow_held(const HeightMap& map, TrackerConfig config, TubeModel start, double radius_m,
-                                   const std::vector<Eigen::Vector3d>& line_m) {
+                                   const RecycledVector<Eigen::Vector3d>& line_m) {
   config.radius_m = radius_m;
   start.radius_m = radius_m;
   auto found = grow_from(map, config, start, line_m);

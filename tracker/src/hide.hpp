@@ -2,20 +2,20 @@
 
 #include <cstdint>
 #include <span>
-#include <vector>
 
 #include "tubetrack/tracker/follow.hpp"
+#include "tubetrack/tracker/recycled.hpp"
 
 namespace tubetrack {
 
 /// Cells whose reading was taken out of the map for a time: there its sign is turned.
-using HiddenCells = std::vector<std::uint32_t>;
+using HiddenCells = RecycledVector<std::uint32_t>;
 
 /// A tube, the extent it is seen along, and its pixels in cell order.
 struct SeenTube {
   const TubeModel& model;
   const Extent& extent;
-  const std::vector<PredictedPixel>& pixels;
+  const RecycledVector<PredictedPixel>& pixels;
 };
 inline SeenTube seen(const FoundTube& tube) {
   return {tube.model, tube.extent, tube.pixels};

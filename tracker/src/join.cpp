@@ -5,6 +5,8 @@
 #include <cmath>
 #include <limits>
 
+#include "tubetrack/tracker/recycled.hpp"
+
 namespace tubetrack {
 
 namespace {
@@ -14,9 +16,9 @@ constexpr double kCos35 = 0.82;
 constexpr int kMaxOverlap = 4;  // points, about a radius apart
 
 /// Points along the extent of a model, about a radius apart.
-std::vector<Eigen::Vector3d> line_of(const FoundTube& tube, bool backwards) {
+RecycledVector<Eigen::Vector3d> line_of(const FoundTube& tube, bool backwards) {
   const int pieces = std::max(3, static_cast<int>(std::ceil(tube.evidence.length_m / tube.model.radius_m)));
-  std::vector<Eigen::Vector3d> line;
+  RecycledVector<Eigen::Vector3d> line;
   for (int i = 0; i <= pieces; ++i) {
     const double s = static_cast<double>(backwards ? pieces - i : i) / pieces;
     line.push_back(point_at(tube.model.spline, tube.extent.t_begin + s * (tube.extent.t_end - tube.extent.t_begin)));
@@ -26,13 +28,13 @@ std::vector<Eigen::Vector3d> line_of(const FoundTube& tube, bool backwards) {
 
 /// The line of `a` followed by that of `b`, turned so that the ends nearest to each other meet; empty where they don't
 /// run on into each other.
-std::vector<Eigen::Vector3d> one_line(const FoundTube& a, const FoundTube& b) {
-  std::vector<Eigen::Vector3d> best;
+RecycledVector<Eigen::Vector3d> one_line(const FoundTube& a, const FoundTube& b) {
+  RecycledVector<Eigen::Vector3d> best;
   double best_gap = kMaxGapRadii * std::min(a.model.radius_m, b.model.radius_m);
   for (const bool a_backwards : {false, true}) {
     for (const bool b_backwards : {false, true}) {
-      std::vector<Eigen::Vector3d> first = line_of(a, a_backwards);
-      std::vector<Eigen::Vector3d> second = line_of(b, b_backwards);
+      RecycledVector<Eigen::Vector3d> first = line_of(a, a_backwards);
+      RecycledVector<Eigen::Vector3d> second = line_of(b, b_backwards);
       // The last points of a piece carry the noise of its end: the direction is that of its last two radii.
       const Eigen::Vector3d out = (first.back() - first[first.size() - 3]).normalized();
       // Either may have been followed a little way into the other.
@@ -69,7 +71,7 @@ bool like_radii(const FoundTube& a, const FoundTube& b) {
 }
 
 /// Does the camera look through where the tube should be, or see something flat there?
-bool refuted(const std::vector<Station>& stations, const Extent& extent) {
+bool refuted(const RecycledVector<Station>& stations, const Extent& extent) {
   int against = 0;
   for (const Station& station : stations) {
     if (station.t > extent.t_begin && station.t < extent.t_end && station.refuted()) ++against;
@@ -82,7 +84,7 @@ bool refuted(const std::vector<Station>& stations, const Extent& extent) {
 std::optional<FoundTube> join_pieces(const HeightMap& map, const TrackerConfig& config, const FoundTube& a,
                                      const FoundTube& b) {
   if (a.held_radius_m || b.held_radius_m || !like_radii(a, b)) return std::nullopt;
-  const std::vector<Eigen::Vector3d> line = one_line(a, b);
+  const RecycledVector<Eigen::Vector3d> line = one_line(a, b);
   if (line.empty()) return std::nullopt;
   const bool a_longer = a.evidence.length_m > b.evidence.length_m;
   FoundTube joined;

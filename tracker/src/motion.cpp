@@ -4,6 +4,8 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 
+#include "tubetrack/tracker/recycled.hpp"
+
 namespace tubetrack {
 
 namespace {
@@ -25,10 +27,10 @@ Eigen::Matrix3d cross_matrix(const Eigen::Vector3d& v) {
   return m;
 }
 
-Eigen::MatrixXd by_motion(const TubeModel& model) {
+RecycledMatrix by_motion(const TubeModel& model) {
   const auto& q = model.spline.control_m;
   const Eigen::Vector3d middle = middle_of(model);
-  Eigen::MatrixXd jacobian = Eigen::MatrixXd::Zero(static_cast<Eigen::Index>(3 * q.size() + 1), 7);
+  RecycledMatrix jacobian = Eigen::MatrixXd::Zero(static_cast<Eigen::Index>(3 * q.size() + 1), 7);
   for (std::size_t k = 0; k < q.size(); ++k) {
     const auto row = static_cast<Eigen::Index>(3 * k);
     jacobian.block<3, 3>(row, 0).setIdentity();
@@ -38,7 +40,7 @@ Eigen::MatrixXd by_motion(const TubeModel& model) {
   return jacobian;
 }
 
-Matrix7 onto_motion(const TubeModel& model, const Eigen::MatrixXd& matrix) {
+Matrix7 onto_motion(const TubeModel& model, const RecycledMatrix& matrix) {
   const auto& q = model.spline.control_m;
   const auto count = static_cast<Eigen::Index>(q.size());
   const Eigen::Vector3d middle = middle_of(model);
@@ -67,7 +69,7 @@ Matrix7 onto_motion(const TubeModel& model, const Eigen::MatrixXd& matrix) {
   return motion;
 }
 
-Eigen::Matrix<double, 7, 1> onto_motion(const TubeModel& model, const Eigen::VectorXd& vector) {
+Eigen::Matrix<double, 7, 1> onto_motion(const TubeModel& model, const RecycledColumn& vector) {
   const auto& q = model.spline.control_m;
   const Eigen::Vector3d middle = middle_of(model);
   Eigen::Matrix<double, 7, 1> motion = Eigen::Matrix<double, 7, 1>::Zero();
@@ -97,8 +99,8 @@ void move(TubeModel& model, const Twist& twist) {
   }
 }
 
-MotionEstimate estimate_motion(const TubeModel& model, const Eigen::MatrixXd& observed,
-                               const Eigen::VectorXd& observed_right, double radius_information) {
+MotionEstimate estimate_motion(const TubeModel& model, const RecycledMatrix& observed,
+                               const RecycledColumn& observed_right, double radius_information) {
   Matrix7 information = onto_motion(model, observed) + weak_prior(model);
   information(6, 6) += radius_information;
   const Eigen::Matrix<double, 7, 1> change = information.ldlt().solve(onto_motion(model, observed_right));
@@ -109,7 +111,7 @@ MotionEstimate estimate_motion(const TubeModel& model, const Eigen::MatrixXd& ob
   return estimate;
 }
 
-double motion_chi2(const TubeModel& model, const MotionEstimate& estimate, const Eigen::MatrixXd& known) {
+double motion_chi2(const TubeModel& model, const MotionEstimate& estimate, const RecycledMatrix& known) {
   const Matrix7 before = onto_motion(model, known) + weak_prior(model);
   const Matrix6 covariance = estimate.information.inverse() + before.inverse().topLeftCorner<6, 6>();
   Eigen::Matrix<double, 6, 1> twist;

@@ -4,6 +4,7 @@
 
 #include "normal_equations.hpp"
 #include "tubetrack/tracker/follow.hpp"
+#include "tubetrack/tracker/recycled.hpp"
 
 namespace tubetrack {
 
@@ -26,12 +27,12 @@ Eigen::Vector3d middle_of(const TubeModel& model);
 Eigen::Matrix3d cross_matrix(const Eigen::Vector3d& v);
 
 /// Change of all parameters (in Information's order) by a twist and the radius: 7 columns.
-Eigen::MatrixXd by_motion(const TubeModel& model);
+RecycledMatrix by_motion(const TubeModel& model);
 
 /// What Information's matrix or vector says of a motion and the radius: by_motionᵀ · matrix · by_motion, and by_motionᵀ
 /// · vector. Of the matrix only control points at most three apart, and the radius, are looked at.
-Eigen::Matrix<double, 7, 7> onto_motion(const TubeModel& model, const Eigen::MatrixXd& matrix);
-Eigen::Matrix<double, 7, 1> onto_motion(const TubeModel& model, const Eigen::VectorXd& vector);
+Eigen::Matrix<double, 7, 7> onto_motion(const TubeModel& model, const RecycledMatrix& matrix);
+Eigen::Matrix<double, 7, 1> onto_motion(const TubeModel& model, const RecycledColumn& vector);
 
 /// What a tube can't have moved by from one frame to the next, so that unseen motions don't run away.
 Eigen::Matrix<double, 7, 7> weak_prior(const TubeModel& model);
@@ -45,11 +46,11 @@ struct MotionEstimate {
 /// The motion that the observations behind `observed` and `observed_right` (as in NormalEquations) ask for, given that
 /// the shape stays and the radius is known to `radius_information` (1/m²). Along its axis and about it a straight tube
 /// shows no motion: there the estimate stays near zero.
-MotionEstimate estimate_motion(const TubeModel& model, const Eigen::MatrixXd& observed,
-                               const Eigen::VectorXd& observed_right, double radius_information);
+MotionEstimate estimate_motion(const TubeModel& model, const RecycledMatrix& observed,
+                               const RecycledColumn& observed_right, double radius_information);
 
 /// χ² (6 degrees of freedom) of an estimated motion against none, where the place moved from is itself only known to
 /// `known` (a matrix as Information's).
-double motion_chi2(const TubeModel& model, const MotionEstimate& estimate, const Eigen::MatrixXd& known);
+double motion_chi2(const TubeModel& model, const MotionEstimate& estimate, const RecycledMatrix& known);
 
 }  // namespace tubetrack

@@ -4,9 +4,9 @@
 #include <array>
 #include <cmath>
 #include <utility>
-#include <vector>
 
 #include "stretch_sums.hpp"
+#include "tubetrack/tracker/recycled.hpp"
 
 namespace tubetrack {
 
@@ -29,8 +29,8 @@ double mean_spacing_m(const Spline& spline) {
 /// Adds the prior that a combination of neighbouring control points, `first` on, is zero: `weight` is the inverse of
 /// its covariance.
 template <std::size_t N>
-void add_prior(const std::vector<Eigen::Vector3d>& control_m, std::size_t first, const std::array<double, N>& factors,
-               const Eigen::Matrix3d& weight, NormalEquations& eq) {
+void add_prior(const RecycledVector<Eigen::Vector3d>& control_m, std::size_t first,
+               const std::array<double, N>& factors, const Eigen::Matrix3d& weight, NormalEquations& eq) {
   Eigen::Vector3d value = Eigen::Vector3d::Zero();
   for (std::size_t i = 0; i < N; ++i) value += factors[i] * control_m[first + i];
   for (std::size_t i = 0; i < N; ++i) {
@@ -91,7 +91,7 @@ void add_priors(const TubeModel& model, double suppleness, NormalEquations& eq) 
 
 }  // namespace
 
-ResidualTerm residual_on(const std::vector<SpanPolynomial>& curve, double radius_m, const Observation& observation) {
+ResidualTerm residual_on(const RecycledVector<SpanPolynomial>& curve, double radius_m, const Observation& observation) {
   const auto spans = static_cast<double>(curve.size());
   const Eigen::Vector3d& direction = observation.direction;
   ResidualTerm term;
@@ -144,7 +144,7 @@ ObservedEquations observed_equations(const TubeModel& model, const SortedObserva
   const auto size = static_cast<Eigen::Index>(3 * model.spline.control_m.size() + 1);
   const Eigen::Index radius_at = size - 1;
   ObservedEquations eq{Eigen::MatrixXd::Zero(size, size), Eigen::VectorXd::Zero(size)};
-  const std::vector<StretchSums> stretches = sum_stretches(model, observations);
+  const RecycledVector<StretchSums> stretches = sum_stretches(model, observations);
   for (std::size_t k = 0; k < stretches.size(); ++k) {
     const StretchSums& s = stretches[k];
     if (s.used == 0) continue;
@@ -176,7 +176,8 @@ NormalEquations normal_equations(const TubeModel& model, const ObservedEquations
   NormalEquations eq{observed.matrix, observed.right};
   if (options.prior) {
     eq.matrix += options.prior->matrix;
-    eq.right += options.prior->vector - options.prior->matrix * parameters_of(model);
+    eq.right += options.prior->vector;
+    eq.right.noalias() -= options.prior->matrix * parameters_of(model);
   }
   add_priors(model, options.suppleness, eq);
   // A radius that the view hardly determines stays near where it was.

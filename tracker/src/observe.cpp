@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "tubetrack/tracker/recycled.hpp"
+
 namespace tubetrack {
 
 namespace {
@@ -62,12 +64,12 @@ void observe(const HeightMap& map, const NoiseModel& noise, const Spline& spline
   }
 }
 
-std::vector<Observation> select_observations(const HeightMap& map, const NoiseModel& noise,
-                                             const std::vector<PredictedPixel>& predicted, double gate_m,
-                                             double gate_sigmas, const Extent& extent) {
+RecycledVector<Observation> select_observations(const HeightMap& map, const NoiseModel& noise,
+                                                const RecycledVector<PredictedPixel>& predicted, double gate_m,
+                                                double gate_sigmas, const Extent& extent) {
   const float margin_px = least_margin_px(noise);
   const DisparityLevels levels = levels_of_readings(map, noise);
-  std::vector<Observation> observations;
+  RecycledVector<Observation> observations;
   observations.reserve(predicted.size());
   for (const PredictedPixel& pixel : predicted) {
     const float measured = map.depth_m[pixel.cell];

@@ -3,11 +3,11 @@
 #include <cstddef>
 #include <cstdint>
 #include <span>
-#include <vector>
 
 #include "stretch_sums.hpp"
 #include "tubetrack/sensors/disparity_levels.hpp"
 #include "tubetrack/tracker/predict.hpp"
+#include "tubetrack/tracker/recycled.hpp"
 
 namespace tubetrack {
 
@@ -31,8 +31,8 @@ struct Sighting {
     std::uint32_t pixel = 0, stretch = 0;
     bool is_near = true;
   };
-  std::vector<Chosen> chosen;  // the first so many
-  std::vector<std::size_t> near_next, far_next;
+  RecycledVector<Chosen> chosen;  // the first so many
+  RecycledVector<std::size_t> near_next, far_next;
 };
 
 /// The pixels must be predicted on this centreline. Buffers of `sighting` are used again.

@@ -4,6 +4,7 @@
 
 #include "drift.hpp"
 #include "motion.hpp"
+#include "tubetrack/tracker/recycled.hpp"
 #include "varying_fit.hpp"
 
 namespace tubetrack {
@@ -16,13 +17,14 @@ constexpr int kMaxPooledFrames = 60;  // what is older fades
 void carry_pool(FollowedTube& tube, const Twist& by) {
   Eigen::Matrix<double, 7, 1> change;
   change << by.shift_m, by.turn_rad, 0.0;
-  tube.pooled.vector += tube.pooled.matrix * (by_motion(tube.model) * change);
+  const RecycledColumn moved = by_motion(tube.model) * change;
+  tube.pooled.vector.noalias() += tube.pooled.matrix * moved;
 }
 
 /// Adds to a covariance of control points and radius that of a motion of them all; of control points at most three
 /// apart, as FitQuality has it.
-void add_motion(const TubeModel& model, const Eigen::Matrix<double, 6, 6>& motion, Eigen::MatrixXd& covariance) {
-  const Eigen::MatrixXd jacobian = by_motion(model);
+void add_motion(const TubeModel& model, const Eigen::Matrix<double, 6, 6>& motion, RecycledMatrix& covariance) {
+  const RecycledMatrix jacobian = by_motion(model);
   const Eigen::Index last = covariance.rows() - 1;
   for (Eigen::Index row = 0; row < last; row += 3) {
     const Eigen::Matrix<double, 3, 6> by_row = jacobian.block<3, 6>(row, 0) * motion;
@@ -112,22 +114,24 @@ void transform(FollowedTube& tube, const Eigen::Isometry3d& new_from_old) {
   move_model(tube.anchor);
   move_model(tube.drift.anchor);
   const Eigen::Matrix3d rotation = new_from_old.linear();
-  const auto turn_blocks = [&](Eigen::MatrixXd& matrix) {
+  const auto turn_blocks = [&](RecycledMatrix& matrix) {
     for (Eigen::Index k = 0; k + 3 <= matrix.rows(); k += 3) {
-      matrix.middleRows<3>(k) = rotation * Eigen::MatrixXd(matrix.middleRows<3>(k));
+      const RecycledMatrix rows = matrix.middleRows<3>(k);
+      matrix.middleRows<3>(k).noalias() = rotation * rows;
     }
     for (Eigen::Index k = 0; k + 3 <= matrix.cols(); k += 3) {
-      matrix.middleCols<3>(k) = Eigen::MatrixXd(matrix.middleCols<3>(k)) * rotation.transpose();
+      const RecycledMatrix columns = matrix.middleCols<3>(k);
+      matrix.middleCols<3>(k).noalias() = columns * rotation.transpose();
     }
   };
   const auto carry = [&](Information& information) {
     turn_blocks(information.matrix);
-    Eigen::VectorXd shift = Eigen::VectorXd::Zero(information.vector.size());
+    RecycledColumn shift = Eigen::VectorXd::Zero(information.vector.size());
     for (Eigen::Index k = 0; k + 3 <= shift.size(); k += 3) {
       information.vector.segment<3>(k) = rotation * Eigen::Vector3d(information.vector.segment<3>(k));
       shift.segment<3>(k) = new_from_old.translation();
     }
-    information.vector += information.matrix * shift;
+    information.vector.noalias() += information.matrix * shift;
   };
   carry(tube.pooled);
   carry(tube.quality.observed);

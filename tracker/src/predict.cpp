@@ -9,6 +9,7 @@
 #include <tuple>
 
 #include "predict_row.hpp"
+#include "tubetrack/tracker/recycled.hpp"
 
 namespace tubetrack {
 
@@ -27,10 +28,10 @@ struct Piece {
 constexpr double kSpansPerPiece = 0.5;
 constexpr double kSpansPerVaryingPiece = 0.125;  // a taper of 10 % is a step of 1.5 % of the radius then
 
-std::vector<Piece> cut_into_pieces(const TubeModel& model) {
+RecycledVector<Piece> cut_into_pieces(const TubeModel& model) {
   const double spans_per_piece = model.profile.offset_m.empty() ? kSpansPerPiece : kSpansPerVaryingPiece;
   const int count = static_cast<int>(std::lround(model.spline.spans() / spans_per_piece));
-  std::vector<Piece> pieces;
+  RecycledVector<Piece> pieces;
   pieces.reserve(static_cast<std::size_t>(count));
   Eigen::Vector3d from = point_at(model.spline, 0.0);
   for (int i = 0; i < count; ++i) {
@@ -119,8 +120,8 @@ struct Outlined {
 
 /// Those of a tube, and of each the rows of the image in which it may be seen: every row asks all of them for that.
 struct OutlinedTube {
-  std::vector<Outlined> pieces;
-  std::vector<Range> rows;
+  RecycledVector<Outlined> pieces;
+  RecycledVector<Range> rows;
   Range all_rows;
   double pixels = 0.0;  ///< about so many are inside the outlines, which overlap
 };
@@ -264,11 +265,13 @@ PredictedRow& row_for(int pixels) {
 }  // namespace
 
 void predict_pixels(const HeightMap& map, const NoiseModel& noise, const TubeModel& model, int stride,
-                    std::vector<PredictedPixel>& pixels) {
+                    RecycledVector<PredictedPixel>& pixels) {
   const Intrinsics& in = map.intrinsics;
   const OutlinedTube outlined = outline_all(in, model);
   const Range rows = outlined.all_rows;
-  const auto room = static_cast<std::size_t>(outlined.pixels / (stride * stride));
+  // At least a sixteenth of the image, so that most tubes' buffers are of one size and are used again.
+  const std::size_t room =
+      std::max(static_cast<std::size_t>(outlined.pixels / (stride * stride)), map.rays.size() / 16);
   if (pixels.capacity() < room) {
     pixels = {};  // nothing in it is worth a copy
     pixels.reserve(room + room / 2);
@@ -288,9 +291,9 @@ void predict_pixels(const HeightMap& map, const NoiseModel& noise, const TubeMod
   pixels.resize(count);
 }
 
-std::vector<PredictedPixel> predict_pixels(const HeightMap& map, const NoiseModel& noise, const TubeModel& model,
-                                           int stride) {
-  std::vector<PredictedPixel> pixels;
+RecycledVector<PredictedPixel> predict_pixels(const HeightMap& map, const NoiseModel& noise, const TubeModel& model,
+                                              int stride) {
+  RecycledVector<PredictedPixel> pixels;
   predict_pixels(map, noise, model, stride, pixels);
   return pixels;
 }

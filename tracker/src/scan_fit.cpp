@@ -161,7 +161,8 @@ bool fit_windows(ScanLine& line, const std::vector<Observation>& observations, c
     }
     take_core(stretches[i], window.spline, fitted.spline);
     fit.windows.push_back({static_cast<std::size_t>(stretches[i].begin), 1.0 * stretches[i].core_begin,
-                           1.0 * stretches[i].core_end, std::move(window.spline), quality->covariance});
+                           1.0 * stretches[i].core_end, std::move(window.spline),
+                           Eigen::MatrixXd(quality->covariance)});
   }
   line.model = std::move(fitted);
   return !fit.windows.empty();

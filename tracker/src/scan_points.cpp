@@ -62,7 +62,7 @@ struct Foot {
 };
 
 /// As foot_parameter, to a hundredth of a span: of a distance of R that is less than a ten-thousandth.
-Foot foot_on(const std::vector<SpanPolynomial>& curve, const Eigen::Vector3d& point_m, double t) {
+Foot foot_on(const RecycledVector<SpanPolynomial>& curve, const Eigen::Vector3d& point_m, double t) {
   const auto spans = static_cast<double>(curve.size());
   Foot foot;
   foot.t = std::clamp(t, 0.0, spans);
@@ -91,7 +91,7 @@ std::vector<SurfacePoint> points_near(std::span<const Surfel> surfels, std::span
   // A node's own distance and half of that to the next one, which a bend may widen.
   const double reach_m = (kFarthestRadii + 0.5 * kKnotSpacingRadii) * radius_m;
   const NodeGrid grid(spline, reach_m);
-  const std::vector<SpanPolynomial> curve = polynomials_of(spline);
+  const RecycledVector<SpanPolynomial> curve = polynomials_of(spline);
   std::vector<SurfacePoint> points;
   for (std::size_t i = 0; i < surfels.size(); ++i) {
     if (!taken.empty() && taken[i] != 0) continue;

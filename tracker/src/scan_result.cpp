@@ -53,7 +53,7 @@ void add_scan_parts(const ScanTube& found, std::span<const Surfel> surfels, cons
       parts.fitted = std::move(finer);
     }
   }
-  set_parts(std::move(parts), tube);
+  set_parts(parts, tube);
 }
 
 }  // namespace

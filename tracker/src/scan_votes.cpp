@@ -38,7 +38,7 @@ Surfel mean_of(std::span<const Surfel> surfels, std::span<const std::pair<std::u
 }
 
 /// The trace from the start up to the point before it is back there; empty where it never is.
-std::vector<TracePoint> once_around(const std::vector<TracePoint>& trace, double step_m) {
+RecycledVector<TracePoint> once_around(const RecycledVector<TracePoint>& trace, double step_m) {
   constexpr std::size_t kFewestPoints = 6;
   for (std::size_t i = kFewestPoints; i < trace.size(); ++i) {
     const Eigen::Vector3d to_start = trace.front().position_m - trace[i].position_m;
@@ -51,7 +51,7 @@ std::vector<TracePoint> once_around(const std::vector<TracePoint>& trace, double
   return {};
 }
 
-double median_radius_m(std::vector<TracePoint> trace) {
+double median_radius_m(RecycledVector<TracePoint> trace) {
   const auto middle = trace.begin() + static_cast<std::ptrdiff_t>(trace.size() / 2);
   std::nth_element(trace.begin(), middle, trace.end(),
                    [](const TracePoint& a, const TracePoint& b) { return a.radius_m < b.radius_m; });
@@ -115,8 +115,8 @@ std::optional<ScanSeed> seed_at(const AccumulationMap& votes, const VoxelIndex& 
   options.step_m = std::clamp(votes.cell_m() * sum.steps / sum.votes, octave.radius_min_m, octave.radius_max_m);
   options.patch_half_m = 0.5 * options.step_m;
   options.max_steps = 20'000;
-  const std::vector<TracePoint> front = trace_one_way(votes, peak, true, options);
-  std::vector<TracePoint> line = once_around(front, options.step_m);
+  const RecycledVector<TracePoint> front = trace_one_way(votes, peak, true, options);
+  RecycledVector<TracePoint> line = once_around(front, options.step_m);
   ScanSeed seed;
   seed.closed = !line.empty();
   if (!seed.closed) {

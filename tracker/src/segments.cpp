@@ -7,6 +7,7 @@
 #include "chain_fit.hpp"
 #include "chain_moves.hpp"
 #include "tangent_space.hpp"
+#include "tubetrack/tracker/recycled.hpp"
 #include "tubetrack/tracker/spline.hpp"
 
 namespace tubetrack {
@@ -34,8 +35,8 @@ constexpr int kMaxTrials = 5;
 
 /// The nodes that can be used: distinct ones.
 struct CleanLine {
-  std::vector<Eigen::Vector3d> nodes_m;
-  std::vector<Eigen::Matrix3d> covariance_m2;
+  RecycledVector<Eigen::Vector3d> nodes_m;
+  RecycledVector<Eigen::Matrix3d> covariance_m2;
 };
 
 std::optional<CleanLine> cleaned(const MeasuredCenterline& line) {
@@ -82,8 +83,8 @@ ChainFit simplified(ChainFit fit, const MeasuredCenterline& line, FittedChain& f
 }
 
 /// For each bend, whether it belongs to more than `most` arcs that touch.
-std::vector<bool> in_long_run(const PartChain& chain, const std::vector<double>& touching_m, std::size_t most) {
-  std::vector<bool> in_run(chain.bends.size(), false);
+RecycledVector<bool> in_long_run(const PartChain& chain, const RecycledVector<double>& touching_m, std::size_t most) {
+  RecycledVector<bool> in_run(chain.bends.size(), false);
   for (std::size_t from = 0; from < chain.bends.size();) {
     std::size_t to = from + 1;
     while (to < chain.bends.size() && chain.bends[to].straight_m <= touching_m[to]) ++to;
@@ -96,8 +97,8 @@ std::vector<bool> in_long_run(const PartChain& chain, const std::vector<double>&
 }
 
 /// A chain's parts; arcs that are in a run are `free`, together with what is between them.
-std::vector<Segment> segments_of(const PartChain& chain, const std::vector<bool>& in_run) {
-  std::vector<Segment> segments;
+RecycledVector<Segment> segments_of(const PartChain& chain, const RecycledVector<bool>& in_run) {
+  RecycledVector<Segment> segments;
   double at_m = 0.0;
   const auto add = [&](Segment::Type type, double length_m, double bend_radius_m, double bend_angle_rad) {
     constexpr double kNothing_m = 1e-9;  // what rounding leaves of a straight that is not there
@@ -125,7 +126,7 @@ std::vector<Segment> segments_of(const PartChain& chain, const std::vector<bool>
 }
 
 /// Turns parts that the nodes don't follow into free ones; returns whether there are any.
-bool free_misfits(const ChainFit& fit, std::vector<Segment>& segments) {
+bool free_misfits(const ChainFit& fit, RecycledVector<Segment>& segments) {
   std::size_t node = 0;
   bool any = false;
   for (Segment& segment : segments) {
@@ -144,7 +145,7 @@ bool free_misfits(const ChainFit& fit, std::vector<Segment>& segments) {
 }
 
 CenterlineParts parts_of(const ChainFit& fit, FittedChain fitted, const MeasuredCenterline& line, bool& misfit) {
-  std::vector<double> touching_m;
+  RecycledVector<double> touching_m;
   touching_m.reserve(fitted.sigma.size());
   for (const BendSigma& sigma : fitted.sigma) {
     touching_m.push_back(std::max(kTouchingRadii * line.radius_m, kTouchingSigmas * sigma.straight_m));
@@ -163,8 +164,8 @@ std::optional<CenterlineParts> parts_if_hopeless(const PartChain& guess, double 
   if (guess.bends.size() > kMaxBends) {
     return CenterlineParts{{{Segment::Type::free, 0.0, length_of(guess), 0.0, 0.0}}, std::nullopt};
   }
-  const std::vector<double> touching_m(guess.bends.size(), kTouchingRadii * tube_radius_m);
-  const std::vector<bool> in_run = in_long_run(guess, touching_m, kMaxTouchingInGuess);
+  const RecycledVector<double> touching_m(guess.bends.size(), kTouchingRadii * tube_radius_m);
+  const RecycledVector<bool> in_run = in_long_run(guess, touching_m, kMaxTouchingInGuess);
   if (std::find(in_run.begin(), in_run.end(), true) == in_run.end()) return std::nullopt;
   return CenterlineParts{segments_of(guess, in_run), std::nullopt};
 }
@@ -176,8 +177,8 @@ MeasuredCenterline fitted_centerline(const Tube& tube) {
           kUnsureEndRadii * tube.radius_m};
 }
 
-std::vector<Segment> segments_of(const PartChain& chain) {
-  return segments_of(chain, std::vector<bool>(chain.bends.size(), false));
+RecycledVector<Segment> segments_of(const PartChain& chain) {
+  return segments_of(chain, RecycledVector<bool>(chain.bends.size(), false));
 }
 
 CenterlineParts cut_into_parts(const MeasuredCenterline& measured) {

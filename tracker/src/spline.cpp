@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "tubetrack/tracker/recycled.hpp"
+
 namespace tubetrack {
 
 SplineBasis basis_at(const Spline& spline, double t) {
@@ -40,8 +42,8 @@ Eigen::Vector3d derivative_at(const Spline& spline, double t) {
   return curve_at(spline, t).derivative_m;
 }
 
-std::vector<SpanPolynomial> polynomials_of(const Spline& spline) {
-  std::vector<SpanPolynomial> polynomials;
+RecycledVector<SpanPolynomial> polynomials_of(const Spline& spline) {
+  RecycledVector<SpanPolynomial> polynomials;
   for (std::size_t k = 0; k + 3 < spline.control_m.size(); ++k) {
     const Eigen::Vector3d* q = &spline.control_m[k];
     polynomials.push_back({(q[0] + 4.0 * q[1] + q[2]) / 6.0, 0.5 * (q[2] - q[0]), 0.5 * (q[0] - 2.0 * q[1] + q[2]),
@@ -62,8 +64,8 @@ double foot_parameter(const Spline& spline, const Eigen::Vector3d& point_m, doub
   return t;
 }
 
-Spline spline_along(const std::vector<Eigen::Vector3d>& polyline_m, double spacing_m) {
-  std::vector<double> arc_m{0.0};
+Spline spline_along(std::span<const Eigen::Vector3d> polyline_m, double spacing_m) {
+  RecycledVector<double> arc_m{0.0};
   for (std::size_t i = 1; i < polyline_m.size(); ++i) {
     arc_m.push_back(arc_m.back() + (polyline_m[i] - polyline_m[i - 1]).norm());
   }

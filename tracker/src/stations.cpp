@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "shape_sums.hpp"
+#include "tubetrack/tracker/recycled.hpp"
 
 namespace tubetrack {
 
@@ -24,13 +25,13 @@ double station_length_m(const HeightMap& map, const TubeModel& model) {
   return std::max(0.002, 2.0 * middle.z() / map.intrinsics.fx_px);
 }
 
-std::vector<Station> stations_of(const HeightMap& map, const TubeModel& model,
-                                 const std::vector<PredictedPixel>& predicted, double length_m) {
+RecycledVector<Station> stations_of(const HeightMap& map, const TubeModel& model,
+                                    const RecycledVector<PredictedPixel>& predicted, double length_m) {
   const double spans = model.spline.spans();
   const int count = std::max(1, static_cast<int>(std::ceil(arc_length_m(model.spline, 0.0, spans) / length_m)));
-  std::vector<Station> stations(static_cast<std::size_t>(count));
+  RecycledVector<Station> stations(static_cast<std::size_t>(count));
   for (int i = 0; i < count; ++i) stations[static_cast<std::size_t>(i)].t = (i + 0.5) * spans / count;
-  std::vector<ShapeSums> shapes(stations.size());
+  RecycledVector<ShapeSums> shapes(stations.size());
   const double per_span = count / spans;
   for (const PredictedPixel& pixel : predicted) {
     if (pixel.cos_incidence < kCos75) continue;
@@ -58,7 +59,7 @@ std::vector<Station> stations_of(const HeightMap& map, const TubeModel& model,
   return stations;
 }
 
-Extent seen_extent(const std::vector<Station>& stations, double station_m, double max_gap_m) {
+Extent seen_extent(const RecycledVector<Station>& stations, double station_m, double max_gap_m) {
   const double half = stations.size() > 1 ? 0.5 * (stations[1].t - stations[0].t)
                       : stations.empty()  ? 0.0
                                           : stations[0].t;

@@ -4,6 +4,8 @@
 #include <array>
 #include <cstddef>
 
+#include "tubetrack/tracker/recycled.hpp"
+
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "stretch_sums.cpp"
 #include <hwy/foreach_target.h>
@@ -192,7 +194,7 @@ SpanOfTube span_of_tube(const SpanPolynomial& polynomial, const Eigen::Vector3d&
 
 }  // namespace
 
-void make_room(const Spline& spline, std::vector<std::size_t>& count, SortedObservations& sorted) {
+void make_room(const Spline& spline, RecycledVector<std::size_t>& count, SortedObservations& sorted) {
   const std::size_t spans = spline.control_m.size() - 3;
   sorted.origin_m.resize(spans);
   for (std::size_t k = 0; k < spans; ++k) sorted.origin_m[k] = point_at(spline, static_cast<double>(k));
@@ -217,7 +219,7 @@ void make_room(const Spline& spline, std::vector<std::size_t>& count, SortedObse
 
 SortedObservations sort_by_stretch(std::span<const Observation> observations, const Spline& spline) {
   const std::size_t stretches = (spline.control_m.size() - 3) * kStretchesPerSpan;
-  std::vector<std::size_t> next(stretches, 0);
+  RecycledVector<std::size_t> next(stretches, 0);
   for (const Observation& observation : observations) ++next[stretch_of(observation.t, stretches)];
   SortedObservations sorted;
   make_room(spline, next, sorted);
@@ -233,10 +235,10 @@ SortedObservations sort_by_stretch(std::span<const Observation> observations, co
   return sorted;
 }
 
-std::vector<StretchSums> sum_stretches(const TubeModel& model, const SortedObservations& sorted) {
-  const std::vector<SpanPolynomial> curve = polynomials_of(model.spline);
+RecycledVector<StretchSums> sum_stretches(const TubeModel& model, const SortedObservations& sorted) {
+  const RecycledVector<SpanPolynomial> curve = polynomials_of(model.spline);
   const std::size_t stretches = curve.size() * kStretchesPerSpan;
-  std::vector<StretchSums> sums(stretches);
+  RecycledVector<StretchSums> sums(stretches);
   for (std::size_t k = 0; k < stretches; ++k) {
     const std::size_t count = sorted.first[k + 1] - sorted.first[k];
     if (count == 0) continue;

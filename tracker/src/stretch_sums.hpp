@@ -5,9 +5,9 @@
 #include <array>
 #include <cstddef>
 #include <span>
-#include <vector>
 
 #include "tubetrack/tracker/fit.hpp"
+#include "tubetrack/tracker/recycled.hpp"
 
 namespace tubetrack {
 
@@ -38,10 +38,10 @@ struct ObservationBlock {
 
 /// Blocks stretch by stretch; each stretch starts a block of its own.
 struct SortedObservations {
-  std::vector<ObservationBlock> blocks;
-  std::vector<std::size_t> first;         ///< of each stretch, and one more
-  std::vector<Eigen::Vector3d> origin_m;  ///< of each span
-  std::size_t count = 0;                  ///< observations
+  RecycledVector<ObservationBlock> blocks;
+  RecycledVector<std::size_t> first;         ///< of each stretch, and one more
+  RecycledVector<Eigen::Vector3d> origin_m;  ///< of each span
+  std::size_t count = 0;                     ///< observations
 };
 /// By where they are expected on this centreline (`Observation::t`).
 SortedObservations sort_by_stretch(std::span<const Observation> observations, const Spline& spline);
@@ -51,7 +51,7 @@ SortedObservations sort_by_stretch(std::span<const Observation> observations, co
 inline std::size_t stretch_of(double t, std::size_t stretches) {
   return std::min(static_cast<std::size_t>(static_cast<int>(std::max(t, 0.0) * kStretchesPerSpan)), stretches - 1);
 }
-void make_room(const Spline& spline, std::vector<std::size_t>& count, SortedObservations& sorted);
+void make_room(const Spline& spline, RecycledVector<std::size_t>& count, SortedObservations& sorted);
 inline void put(const Eigen::Vector3f& from_origin_m, const Eigen::Vector3f& direction, float weight, float s,
                 std::size_t at, SortedObservations& sorted) {
   ObservationBlock& block = sorted.blocks[at / kPartials];
@@ -68,6 +68,6 @@ inline void put(const Eigen::Vector3f& from_origin_m, const Eigen::Vector3f& dir
 
 /// One for each eighth of a span. An observation counts where it is expected (`Observation::t`): its own foot on the
 /// centreline decides its residual, but not its stretch or span.
-std::vector<StretchSums> sum_stretches(const TubeModel& model, const SortedObservations& observations);
+RecycledVector<StretchSums> sum_stretches(const TubeModel& model, const SortedObservations& observations);
 
 }  // namespace tubetrack

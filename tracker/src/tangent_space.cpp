@@ -6,6 +6,8 @@
 #include <cmath>
 #include <limits>
 
+#include "tubetrack/tracker/recycled.hpp"
+
 namespace tubetrack {
 
 namespace {
@@ -41,8 +43,8 @@ struct Piece {
   Eigen::Vector2d at(double along_m) const { return mean_rad + (along_m - middle_m) * slope_rad_m; }
 };
 
-std::vector<Sums> running_sums(const std::vector<TangentSpace::Sample>& samples) {
-  std::vector<Sums> sums(1);
+RecycledVector<Sums> running_sums(const RecycledVector<TangentSpace::Sample>& samples) {
+  RecycledVector<Sums> sums(1);
   for (const TangentSpace::Sample& sample : samples) {
     Sums next = sums.back();
     next.weight += sample.weight;
@@ -79,10 +81,10 @@ struct Best {
 };
 
 /// The cheapest cut, by dynamic programming over where pieces end. Two straights never touch: between them is a bend.
-std::vector<Piece> cut(const std::vector<TangentSpace::Sample>& samples, double overcount, double thrift) {
-  const std::vector<Sums> sums = running_sums(samples);
+RecycledVector<Piece> cut(const RecycledVector<TangentSpace::Sample>& samples, double overcount, double thrift) {
+  const RecycledVector<Sums> sums = running_sums(samples);
   const std::size_t count = samples.size();
-  std::vector<std::array<Best, 2>> best(count + 1);
+  RecycledVector<std::array<Best, 2>> best(count + 1);
   best[0] = {Best{0.0}, Best{0.0}};
   for (std::size_t to = 1; to <= count; ++to) {
     for (std::size_t from = 0; from < to; ++from) {
@@ -96,7 +98,7 @@ std::vector<Piece> cut(const std::vector<TangentSpace::Sample>& samples, double 
       if (arc < best[to][1].cost) best[to][1] = {arc, from, arc_before};
     }
   }
-  std::vector<Piece> pieces;
+  RecycledVector<Piece> pieces;
   bool arc = best[count][1].cost < best[count][0].cost;
   for (std::size_t to = count; to > 0;) {
     const Best& last = best[to][arc ? 1 : 0];
@@ -141,7 +143,7 @@ Eigen::Vector3d carried(const Eigen::Vector3d& vector, const Eigen::Vector3d& fr
   return vector - vector.dot(to) / (1.0 + cosine) * (from + to);
 }
 
-PartChain chain_of(const TangentSpace& space, const std::vector<Piece>& pieces, const MeasuredCenterline& line,
+PartChain chain_of(const TangentSpace& space, const RecycledVector<Piece>& pieces, const MeasuredCenterline& line,
                    double length_m) {
   PartChain chain;
   const Eigen::Vector2d first = pieces.front().at(pieces.front().arc ? 0.0 : pieces.front().middle_m);
@@ -175,8 +177,8 @@ PartChain chain_of(const TangentSpace& space, const std::vector<Piece>& pieces, 
 
 }  // namespace
 
-std::vector<double> lengths_along(const MeasuredCenterline& line) {
-  std::vector<double> along_m(1, 0.0);
+RecycledVector<double> lengths_along(const MeasuredCenterline& line) {
+  RecycledVector<double> along_m(1, 0.0);
   for (std::size_t i = 1; i < line.nodes_m.size(); ++i) {
     along_m.push_back(along_m.back() + (line.nodes_m[i] - line.nodes_m[i - 1]).norm());
   }
@@ -186,7 +188,7 @@ std::vector<double> lengths_along(const MeasuredCenterline& line) {
 TangentSpace tangent_space(const MeasuredCenterline& line) {
   TangentSpace space;
   const std::size_t count = line.nodes_m.size();
-  const std::vector<double> along_m = lengths_along(line);
+  const RecycledVector<double> along_m = lengths_along(line);
   const double spacing_m = along_m.back() / static_cast<double>(count - 1);
   const double window = std::clamp(std::round(kHalfWindowRadii * line.radius_m / spacing_m), 1.0, 50.0);
   Eigen::Vector3d tangent;

@@ -1,8 +1,8 @@
 #pragma once
 
 #include <Eigen/Core>
-#include <vector>
 
+#include "tubetrack/tracker/recycled.hpp"
 #include "tubetrack/tracker/segments.hpp"
 
 namespace tubetrack {
@@ -17,11 +17,11 @@ struct TangentSpace {
     Eigen::Vector2d angle_rad = Eigen::Vector2d::Zero();
     double weight = 0.0;  ///< 1/σ²
   };
-  std::vector<Sample> samples;
+  RecycledVector<Sample> samples;
 };
 
 /// The length along the nodes' polyline up to each of them.
-std::vector<double> lengths_along(const MeasuredCenterline& line);
+RecycledVector<double> lengths_along(const MeasuredCenterline& line);
 
 TangentSpace tangent_space(const MeasuredCenterline& line);
 

@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "tubetrack/tracker/recycled.hpp"
+
 namespace tubetrack {
 
 namespace {
@@ -34,7 +36,7 @@ VoxelIndex best_on_patch(const AccumulationMap& map, const Eigen::Vector3d& cent
   return best;
 }
 
-bool comes_back(const std::vector<TracePoint>& line, const Eigen::Vector3d& position_m, double step_m) {
+bool comes_back(const RecycledVector<TracePoint>& line, const Eigen::Vector3d& position_m, double step_m) {
   const std::size_t recent = std::min<std::size_t>(line.size(), 3);
   return std::any_of(line.begin(), line.end() - static_cast<std::ptrdiff_t>(recent),
                      [&](const TracePoint& point) { return (point.position_m - position_m).norm() < 0.5 * step_m; });
@@ -46,9 +48,9 @@ bool is_inside_tube(int votes, int start_votes, const Eigen::Vector3d& step, con
   return 4 * votes >= start_votes && step.dot(direction) >= 0.5 * step.norm() * direction.norm();
 }
 
-std::vector<TracePoint> trace_one_way(const AccumulationMap& map, const VoxelIndex& start, bool in_front,
-                                      const TraceOptions& options) {
-  std::vector<TracePoint> line;
+RecycledVector<TracePoint> trace_one_way(const AccumulationMap& map, const VoxelIndex& start, bool in_front,
+                                         const TraceOptions& options) {
+  RecycledVector<TracePoint> line;
   Voxel sum = map.box(start, options.box_half);
   TracePoint current = point_at(map, start, sum);
   const int start_votes = current.votes;
@@ -70,12 +72,12 @@ std::vector<TracePoint> trace_one_way(const AccumulationMap& map, const VoxelInd
   return line;
 }
 
-std::vector<TracePoint> trace_both_ways(const AccumulationMap& map, const VoxelIndex& start,
-                                        const TraceOptions& options) {
-  std::vector<TracePoint> line = trace_one_way(map, start, false, options);
+RecycledVector<TracePoint> trace_both_ways(const AccumulationMap& map, const VoxelIndex& start,
+                                           const TraceOptions& options) {
+  RecycledVector<TracePoint> line = trace_one_way(map, start, false, options);
   std::reverse(line.begin(), line.end());
   if (line.empty()) line.push_back(point_at(map, start, map.box(start, options.box_half)));
-  const std::vector<TracePoint> front = trace_one_way(map, start, true, options);
+  const RecycledVector<TracePoint> front = trace_one_way(map, start, true, options);
   if (front.size() > 1) line.insert(line.end(), front.begin() + 1, front.end());
   return line;
 }

@@ -33,7 +33,7 @@ void add_node_radius(const FollowedTube& followed, double t, Tube& tube) {
   if (profile.offset_m.empty()) return;
   const double radius_m = radius_at(followed.model, t);
   tube.node_radius_m.push_back(radius_m);
-  const Eigen::MatrixXd& covariance = followed.quality.profile_covariance;
+  const RecycledMatrix& covariance = followed.quality.profile_covariance;
   if (covariance.rows() != static_cast<Eigen::Index>(profile.offset_m.size())) return;
   const SplineBasis basis = profile_basis_at(profile, followed.model.spline, t);
   const auto first = static_cast<Eigen::Index>(basis.first);
@@ -56,7 +56,7 @@ double polyline_length_m(const std::vector<Eigen::Vector3d>& line_m) {
   return length_m;
 }
 
-void add_uncertainty(const Spline& spline, const Eigen::MatrixXd& control_covariance, double t, Tube& tube) {
+void add_uncertainty(const Spline& spline, const RecycledMatrix& control_covariance, double t, Tube& tube) {
   const SplineBasis basis = basis_at(spline, t);
   Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();
   for (std::size_t i = 0; i < 4; ++i) {
@@ -75,8 +75,13 @@ void add_uncertainty(const Spline& spline, const Eigen::MatrixXd& control_covari
   tube.node_covariance_m2.push_back(covariance);
 }
 
-Tube result_of(const FollowedTube& followed, const HeightMap& map) {
-  Tube tube;
+void set_result(const FollowedTube& followed, const HeightMap& map, Tube& tube) {
+  tube.centerline_m.clear();
+  tube.sigma_m.clear();
+  tube.node_covariance_m2.clear();
+  tube.node_visible.clear();
+  tube.node_radius_m.clear();
+  tube.node_radius_sigma_m.clear();
   tube.id = followed.id;
   tube.state = followed.state;
   tube.radius_m = followed.model.radius_m;
@@ -102,16 +107,17 @@ Tube result_of(const FollowedTube& followed, const HeightMap& map) {
   }
   if (!tube.node_radius_m.empty()) tube.radius_m = mean(tube.node_radius_m);
   tube.length_m = polyline_length_m(tube.centerline_m);
-  return tube;
 }
 
 void add_parts(Tube& tube) {
   set_parts(cut_into_parts(fitted_centerline(tube)), tube);
 }
 
-void set_parts(CenterlineParts parts, Tube& tube) {
-  tube.segments = std::move(parts.segments);
-  tube.bend_table = parts.fitted ? bend_table_of(*parts.fitted) : BendTable{};
+void set_parts(const CenterlineParts& parts, Tube& tube) {
+  tube.segments.assign(parts.segments.begin(), parts.segments.end());
+  tube.bend_table.xyz_m.clear();
+  tube.bend_table.lra.clear();
+  if (parts.fitted) add_bends(*parts.fitted, tube.bend_table);
 }
 
 void add_unseen_motion(Tube& tube, const FollowedTube& followed, double timestamp_s) {

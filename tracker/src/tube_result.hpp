@@ -6,17 +6,18 @@
 namespace tubetrack {
 
 /// A followed tube as a result: nodes about half a radius apart along its extent, in the camera frame.
-Tube result_of(const FollowedTube& tube, const HeightMap& map);
+/// Writes over the last frame's result, whose memory is used again.
+void set_result(const FollowedTube& followed, const HeightMap& map, Tube& tube);
 
 double polyline_length_m(const std::vector<Eigen::Vector3d>& line_m);
 
 /// Adds a node's uncertainty at `t` to the tube: its covariance from that of the control points (as in FitQuality), and
 /// the larger σ across the tube.
-void add_uncertainty(const Spline& spline, const Eigen::MatrixXd& covariance, double t, Tube& tube);
+void add_uncertainty(const Spline& spline, const RecycledMatrix& covariance, double t, Tube& tube);
 
 /// Fills in `segments` and `bend_table` from the centreline (paper, section 3).
 void add_parts(Tube& tube);
-void set_parts(CenterlineParts parts, Tube& tube);
+void set_parts(const CenterlineParts& parts, Tube& tube);
 
 /// Adds to the uncertainty of a tube out of sight what it may have moved by since, in any direction: while hidden it is
 /// predicted, not seen.

@@ -25,7 +25,7 @@ struct TubeTracker::State {
   SurfelFinder surfels;
   AccumulationMap votes{0.0};
   CastVotes cast;  // what is in `votes`
-  std::vector<FailedPlace> failed;
+  RecycledVector<FailedPlace> failed;
   KnownTubes known;
   std::optional<Eigen::Isometry3d> world_from_camera;  // of the last frame
   std::optional<double> timestamp_s;                   // of the last frame
@@ -89,12 +89,17 @@ Expected<TubeTracker> TubeTracker::create(const TrackerConfig& config, const Int
   auto state = std::make_unique<State>(config);
   state->map = make_height_map(intrinsics);
   state->explained.resize(state->map.rays.size());
+  state->cast.now.reserve(state->map.rays.size());
+  state->cast.before.reserve(state->map.rays.size());
   return TubeTracker(std::move(state));
 }
 
 bool TubeTracker::begin(const DepthFrame& frame) {
   State& s = *state_;
-  s.result = {};
+  s.result.status = TrackStatus::ok;
+  s.result.problem.clear();
+  s.result.latency_ms = 0.0;
+  s.result.stages = {};
   s.result.frame = frame.index;
   s.result.timestamp_s = frame.timestamp_s;
   s.result.frame_id = frame.world_from_camera ? "world" : "camera";
@@ -140,23 +145,30 @@ void TubeTracker::follow_known(const DepthFrame& frame) {
 
 void TubeTracker::report_known() {
   State& s = *state_;
+  std::size_t count = 0;
   for (const FollowedTube& tube : s.known.tubes) {
     if (!tube.confirmed) continue;
-    s.result.tubes.push_back(result_of(tube, s.map));
+    if (count == s.result.tubes.size()) s.result.tubes.emplace_back();
+    Tube& result = s.result.tubes[count++];
+    set_result(tube, s.map, result);
     Stopwatch parts;
-    add_parts(s.result.tubes.back());  // section 3
+    add_parts(result);  // section 3
     parts.lap(s.result.stages.segment_ms);
-    add_unseen_motion(s.result.tubes.back(), tube, s.result.timestamp_s);
-    if (!s.config.radius_m) add_common_error(s.result.tubes.back(), s.config.noise.radius_relative);
-    if (s.world_from_camera) move_to_world(s.result.tubes.back(), *s.world_from_camera);
+    add_unseen_motion(result, tube, s.result.timestamp_s);
+    if (!s.config.radius_m) add_common_error(result, s.config.noise.radius_relative);
+    if (s.world_from_camera) move_to_world(result, *s.world_from_camera);
   }
+  s.result.tubes.resize(count);
   std::sort(s.result.tubes.begin(), s.result.tubes.end(), [](const Tube& a, const Tube& b) { return a.id < b.id; });
   s.result.status = s.result.tubes.empty() ? TrackStatus::empty : TrackStatus::ok;
 }
 
 const TubeFrame& TubeTracker::track(const DepthFrame& frame) {
   State& s = *state_;
-  if (!begin(frame)) return s.result;
+  if (!begin(frame)) {
+    s.result.tubes.clear();
+    return s.result;
+  }
   StageTimes& stages = s.result.stages;
   Deadline deadline(s.config.deadline_ms);
   Stopwatch whole;
@@ -174,7 +186,7 @@ const TubeFrame& TubeTracker::track(const DepthFrame& frame) {
 
   const double cell_m = s.config.cell_m.value_or(matching_cell_m(surfels, s.map.intrinsics.fx_px));
   if (s.votes.cell_m() != cell_m) {
-    s.votes = AccumulationMap(cell_m);
+    s.votes.restart(cell_m);
     s.cast.now.clear();
   }
   recast(s.votes, s.cast, surfels);  // algorithm 1

@@ -6,6 +6,7 @@
 
 #include "band_solver.hpp"
 #include "normal_equations.hpp"
+#include "tubetrack/tracker/recycled.hpp"
 
 namespace tubetrack {
 
@@ -20,8 +21,8 @@ double inverse_square(double sigma) {
 }
 
 /// Inverse covariance of the control values before anything is seen; their mean is none.
-Eigen::MatrixXd smoothness(Eigen::Index values, double radius_m) {
-  Eigen::MatrixXd weight = inverse_square(kLevel * radius_m) * Eigen::MatrixXd::Identity(values, values);
+RecycledMatrix smoothness(Eigen::Index values, double radius_m) {
+  RecycledMatrix weight = inverse_square(kLevel * radius_m) * Eigen::MatrixXd::Identity(values, values);
   const Eigen::Vector2d step(-1.0, 1.0);
   const Eigen::Vector3d bend(1.0, -2.0, 1.0);
   for (Eigen::Index k = 0; k + 1 < values; ++k)
@@ -31,7 +32,7 @@ Eigen::MatrixXd smoothness(Eigen::Index values, double radius_m) {
   return weight;
 }
 
-Eigen::VectorXd values_of(const RadiusProfile& profile) {
+RecycledColumn values_of(const RadiusProfile& profile) {
   return Eigen::VectorXd::Map(profile.offset_m.data(), static_cast<Eigen::Index>(profile.offset_m.size()));
 }
 
@@ -41,16 +42,16 @@ struct Step {
   ObservedEquations seen;
   NormalEquations line;  ///< with priors, without what earlier frames say
   ProfileEquations profile;
-  Eigen::MatrixXd line_alone = {};  ///< observations only, the profile taken out
-  Eigen::VectorXd line_alone_right = {};
-  Eigen::MatrixXd profile_alone = {};  ///< observations only, the centreline taken out
-  Eigen::VectorXd profile_alone_right = {};
+  RecycledMatrix line_alone = {};  ///< observations only, the profile taken out
+  RecycledColumn line_alone_right = {};
+  RecycledMatrix profile_alone = {};  ///< observations only, the centreline taken out
+  RecycledColumn profile_alone_right = {};
 };
 
 /// What is known of the profile without this frame, as a matrix and right side.
 struct Known {
-  Eigen::MatrixXd matrix;
-  Eigen::VectorXd right;
+  RecycledMatrix matrix;
+  RecycledColumn right;
 };
 
 /// By which the profile is taken out: frames whose places are pooled have each told them with the profile unknown, so
@@ -69,7 +70,7 @@ bool take_out(const Known& known, Step& step) {
   step.line_alone_right = step.seen.right - p.shared * profile_solver.solve(p.right + known.right);
   const BandSolver line_solver(step.line.matrix);
   if (!line_solver.ok()) return false;
-  Eigen::MatrixXd by_line(p.shared.rows(), p.shared.cols());
+  RecycledMatrix by_line(p.shared.rows(), p.shared.cols());
   for (Eigen::Index k = 0; k < p.shared.cols(); ++k) by_line.col(k) = line_solver.solve(p.shared.col(k));
   step.profile_alone = p.own - p.shared.transpose() * by_line;
   step.profile_alone_right = p.right - by_line.transpose() * step.line.right;
@@ -77,7 +78,7 @@ bool take_out(const Known& known, Step& step) {
 }
 
 /// The centreline's equations to solve: this frame's, its priors and what earlier frames say.
-Known line_equations(const Step& step, const Information* prior, const Eigen::VectorXd& parameters) {
+Known line_equations(const Step& step, const Information* prior, const RecycledColumn& parameters) {
   Known line{step.line_alone + (step.line.matrix - step.seen.matrix),
              step.line_alone_right + (step.line.right - step.seen.right)};
   if (prior) {
@@ -87,21 +88,21 @@ Known line_equations(const Step& step, const Information* prior, const Eigen::Ve
   return line;
 }
 
-void move_line(const Eigen::VectorXd& change, TubeModel& model) {
+void move_line(const RecycledColumn& change, TubeModel& model) {
   for (std::size_t k = 0; k < model.spline.control_m.size(); ++k) {
     const Eigen::Vector3d move = change.segment<3>(static_cast<Eigen::Index>(3 * k));
     model.spline.control_m[k] += move * std::min(1.0, model.radius_m / std::max(move.norm(), 1e-12));
   }
 }
 
-void move_profile(const Eigen::VectorXd& change, TubeModel& model) {
+void move_profile(const RecycledColumn& change, TubeModel& model) {
   const double limit = 0.3 * model.radius_m;
   for (std::size_t k = 0; k < model.profile.offset_m.size(); ++k)
     model.profile.offset_m[k] += std::clamp(change[static_cast<Eigen::Index>(k)], -limit, limit);
 }
 
 /// The mean of what is seen becomes the one radius.
-void recentre(const Eigen::VectorXd& mean_basis, TubeModel& model, FitQuality& quality) {
+void recentre(const RecycledColumn& mean_basis, TubeModel& model, FitQuality& quality) {
   const double mean_m = mean_basis.dot(values_of(model.profile));
   model.radius_m += mean_m;
   for (double& offset_m : model.profile.offset_m) offset_m -= mean_m;
@@ -121,7 +122,7 @@ Information placed(const ProfileInformation& information, int first, Eigen::Inde
   return result;
 }
 
-ProfileEquations profile_equations(const TubeModel& model, const std::vector<StretchSums>& stretches) {
+ProfileEquations profile_equations(const TubeModel& model, const RecycledVector<StretchSums>& stretches) {
   const auto size = static_cast<Eigen::Index>(3 * model.spline.control_m.size() + 1);
   const auto values = static_cast<Eigen::Index>(model.profile.offset_m.size());
   ProfileEquations eq{Eigen::MatrixXd::Zero(size, values), Eigen::MatrixXd::Zero(values, values),
@@ -155,7 +156,7 @@ std::optional<FitQuality> fit_varying_tube(TubeModel& model, const SortedObserva
   if (observations.count < 20) return std::nullopt;
   cover(model.profile, model.spline);
   const auto values = static_cast<Eigen::Index>(model.profile.offset_m.size());
-  const Eigen::MatrixXd smooth = smoothness(values, model.radius_m);
+  const RecycledMatrix smooth = smoothness(values, model.radius_m);
   const Information earlier =
       placed(options.profile_prior ? *options.profile_prior : ProfileInformation{}, model.profile.first, values);
   FitOptions of_line = options;
@@ -167,15 +168,15 @@ std::optional<FitQuality> fit_varying_tube(TubeModel& model, const SortedObserva
     NormalEquations priors = normal_equations(model, seen, of_line);
     Step step{std::move(seen), std::move(priors), profile_equations(model, sum_stretches(model, observations))};
     if (step.seen.used < 20) return std::nullopt;
-    const Eigen::VectorXd parameters = parameters_of(model);
-    const Eigen::VectorXd offsets = values_of(model.profile);
+    const RecycledColumn parameters = parameters_of(model);
+    const RecycledColumn offsets = values_of(model.profile);
     const Known known{smooth + earlier.matrix, earlier.vector - (smooth + earlier.matrix) * offsets};
     if (!take_out(for_line(known, options.prior_has_places, model.radius_m), step)) return std::nullopt;
     const Known line = line_equations(step, options.prior, parameters);
     const Eigen::LDLT<Eigen::MatrixXd> line_solver(line.matrix);
     const Eigen::LDLT<Eigen::MatrixXd> profile_solver(step.profile_alone + known.matrix);
-    const Eigen::VectorXd line_change = line_solver.solve(line.right);
-    const Eigen::VectorXd profile_change = profile_solver.solve(step.profile_alone_right + known.right);
+    const RecycledColumn line_change = line_solver.solve(line.right);
+    const RecycledColumn profile_change = profile_solver.solve(step.profile_alone_right + known.right);
     if (!line_change.allFinite() || !profile_change.allFinite()) return std::nullopt;
     move_line(line_change, model);
     move_profile(profile_change, model);
@@ -188,7 +189,7 @@ std::optional<FitQuality> fit_varying_tube(TubeModel& model, const SortedObserva
     quality.profile_covariance = doubt * profile_solver.solve(Eigen::MatrixXd::Identity(values, values));
     if (options.want_covariance)
       quality.covariance = doubt * line_solver.solve(Eigen::MatrixXd::Identity(line.right.size(), line.right.size()));
-    const Eigen::VectorXd& mean = step.profile.mean_basis;
+    const RecycledColumn& mean = step.profile.mean_basis;
     quality.radius_sigma_m = std::sqrt(std::max(0.0, mean.dot(quality.profile_covariance * mean)));
     if (!options.profile_prior) recentre(mean, model, quality);
   }

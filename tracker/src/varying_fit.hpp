@@ -1,10 +1,10 @@
 #pragma once
 
 #include <optional>
-#include <vector>
 
 #include "stretch_sums.hpp"
 #include "tubetrack/tracker/fit.hpp"
+#include "tubetrack/tracker/recycled.hpp"
 
 namespace tubetrack {
 
@@ -20,11 +20,11 @@ Information placed(const ProfileInformation& information, int first, Eigen::Inde
 /// What the profile adds to NormalEquations, one row or column a control value: with the centreline's parameters (in
 /// Information's order; the radius' row is zero), among themselves, and the right side.
 struct ProfileEquations {
-  Eigen::MatrixXd shared;
-  Eigen::MatrixXd own;
-  Eigen::VectorXd right;
-  Eigen::VectorXd mean_basis;  ///< weights of the control values in the mean offset over the observations
+  RecycledMatrix shared;
+  RecycledMatrix own;
+  RecycledColumn right;
+  RecycledColumn mean_basis;  ///< weights of the control values in the mean offset over the observations
 };
-ProfileEquations profile_equations(const TubeModel& model, const std::vector<StretchSums>& stretches);
+ProfileEquations profile_equations(const TubeModel& model, const RecycledVector<StretchSums>& stretches);
 
 }  // namespace tubetrack

@@ -59,6 +59,8 @@ class AccumulationMap {
   void withdraw(const VoteRecord& record) { cast(record, -1); }
   /// Withdraws everything. Memory is kept.
   void clear();
+  /// The same, and from now on with voxels of another size.
+  void restart(double cell_m);
 
   /// The voxel, all zero where nothing was voted.
   Voxel at(const VoxelIndex& index) const;

@@ -1,15 +1,14 @@
 #pragma once
 
-#include <vector>
-
 #include "tubetrack/tracker/follow.hpp"
+#include "tubetrack/tracker/recycled.hpp"
 
 namespace tubetrack {
 
 /// The tubes that are followed, and the next one's id. Those of the first frame are confirmed at once where it shows
 /// their shape well, for a single scan is all that some have; all others when two more frames have said so.
 struct KnownTubes {
-  std::vector<FollowedTube> tubes;
+  RecycledVector<FollowedTube> tubes;
   std::int64_t next_id = 1;
   bool first_frame = true;
 };
@@ -18,7 +17,7 @@ struct KnownTubes {
 /// same radius, nearest to where it was last seen), another piece of one that is in sight (both are joined), or a new
 /// tube. A new tube gets the next id. Here and below `map` is as before in the end: while one tube is looked at, the
 /// readings of the others are taken out.
-void take_in(KnownTubes& known, std::vector<FoundTube> found, HeightMap& map, const TrackerConfig& config,
+void take_in(KnownTubes& known, RecycledVector<FoundTube> found, HeightMap& map, const TrackerConfig& config,
              double timestamp_s);
 
 /// Asks now and then of tubes in sight that run on into each other whether they are one: then the one known longer goes

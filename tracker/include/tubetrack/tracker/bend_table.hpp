@@ -14,6 +14,8 @@ namespace tubetrack {
 /// - no node decides one of them (σ 0);
 /// - it is the closing row and its length is below 2 σ.
 BendTable bend_table_of(const FittedChain& fitted);
+/// The same into an empty table.
+void add_bends(const FittedChain& fitted, BendTable& table);
 
 /// Into so many pieces a bend is split for XYZ points: a bend above 150° into two, above 300° into three.
 std::size_t pieces_of_bend(double angle_rad);

@@ -29,6 +29,8 @@ class BlockTable {
   /// Where `find` finds one.
   void erase(const VoxelIndex& key);
   void clear();
+  /// Room for the keys of so many blocks; for more it asks for memory.
+  void reserve(std::size_t blocks) { keys_.reserve(blocks); }
 
  private:
   std::size_t home_of(const VoxelIndex& key) const {

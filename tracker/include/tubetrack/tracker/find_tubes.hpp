@@ -1,11 +1,11 @@
 #pragma once
 
 #include <span>
-#include <vector>
 
 #include "tubetrack/tracker/deadline.hpp"
 #include "tubetrack/tracker/grow.hpp"
 #include "tubetrack/tracker/recast.hpp"
+#include "tubetrack/tracker/recycled.hpp"
 #include "tubetrack/tracker/tube.hpp"
 
 namespace tubetrack {
@@ -29,9 +29,9 @@ struct FailedPlace {
 /// surfel, and holds it again in the end. Stops after `max_failures` seeds that were no tubes, or with the seed at hand
 /// when the deadline passes; `failed` carries the failures from frame to frame, so that the next frame tries others.
 /// While it runs, readings of `map` that belong to a neighbour are taken out of it; in the end it is as it was.
-std::vector<FoundTube> find_tubes(AccumulationMap& votes, std::span<const Surfel> surfels,
-                                  std::span<const CastVote> cast, HeightMap& map, const TrackerConfig& config,
-                                  int max_failures, Deadline& deadline, std::vector<FailedPlace>& failed,
-                                  StageTimes& times);
+RecycledVector<FoundTube> find_tubes(AccumulationMap& votes, std::span<const Surfel> surfels,
+                                     std::span<const CastVote> cast, HeightMap& map, const TrackerConfig& config,
+                                     int max_failures, Deadline& deadline, RecycledVector<FailedPlace>& failed,
+                                     StageTimes& times);
 
 }  // namespace tubetrack

@@ -2,9 +2,10 @@
 
 #include <algorithm>
 #include <optional>
-#include <vector>
+#include <span>
 
 #include "tubetrack/tracker/radius_profile.hpp"
+#include "tubetrack/tracker/recycled.hpp"
 #include "tubetrack/tracker/spline.hpp"
 
 namespace tubetrack {
@@ -35,8 +36,8 @@ struct Observation {
 /// What observations say of a model, without any prior on its shape, so that frames can be added up: the inverse of the
 /// covariance of all control points (x, y, z each) and, last, of the radius, and that matrix times their mean.
 struct Information {
-  Eigen::MatrixXd matrix;
-  Eigen::VectorXd vector;
+  RecycledMatrix matrix;
+  RecycledColumn vector;
 };
 
 /// What observations say of the control values of a RadiusProfile, whatever the centreline: as Information, over the
@@ -47,7 +48,7 @@ struct ProfileInformation {
 };
 
 /// Control points and radius in the order of Information.
-Eigen::VectorXd parameters_of(const TubeModel& model);
+RecycledColumn parameters_of(const TubeModel& model);
 
 struct FitOptions {
   std::optional<double> radius_m;  ///< known: held
@@ -70,17 +71,17 @@ struct FitQuality {
   Information observed;  ///< of these observations alone
   /// Of all control points (x, y, z each) and, last, the radius; inflated by χ² above 1. Of control points that are
   /// more than three apart, which no place of the centreline shares, it says zero.
-  Eigen::MatrixXd covariance;
+  RecycledMatrix covariance;
   // Of a varying radius only: `radius_sigma_m` is then that of its mean, and nothing is said of one radius.
-  ProfileInformation profile;          ///< what these observations alone say of it
-  Eigen::MatrixXd profile_covariance;  ///< of its control values; inflated likewise
+  ProfileInformation profile;         ///< what these observations alone say of it
+  RecycledMatrix profile_covariance;  ///< of its control values; inflated likewise
 };
 
 /// Gauss-Newton on residuals along the observations' directions (paper, section 2.3, equation 1, with the noise where
 /// it is), over all control points and the radius at once; set and weights stay as they are. The centreline is smooth
 /// in its third difference, which leaves straights and arcs alone. Empty where too little is observed or the fit breaks
 /// down.
-std::optional<FitQuality> fit_tube(TubeModel& model, const std::vector<Observation>& observations,
+std::optional<FitQuality> fit_tube(TubeModel& model, std::span<const Observation> observations,
                                    const FitOptions& options);
 
 /// Residual of one observation (metres along its direction: measured − predicted) and its derivatives.

@@ -4,6 +4,7 @@
 #include <string>
 
 #include "tubetrack/tracker/evidence.hpp"
+#include "tubetrack/tracker/recycled.hpp"
 #include "tubetrack/tracker/tracker_config.hpp"
 
 namespace tubetrack {
@@ -14,7 +15,7 @@ struct FoundTube {
   Extent extent;
   FitQuality quality;
   Evidence evidence;
-  std::vector<PredictedPixel> pixels;
+  RecycledVector<PredictedPixel> pixels;
   std::optional<double> held_radius_m = {};  ///< set where the silhouettes, not the surface, say how thick it is
   bool joined = false;                       ///< of two pieces: its ends have not been looked for yet
 };
@@ -25,7 +26,7 @@ struct Seed {
   Eigen::Vector3d center_m = Eigen::Vector3d::Zero();
   Eigen::Vector3d axis = Eigen::Vector3d::UnitX();
   double radius_m = 0.0;
-  std::vector<Eigen::Vector3d> line_m;
+  RecycledVector<Eigen::Vector3d> line_m;
 };
 
 /// From a seed to a fitted tube over all that is seen of it: fit, look how far the image confirms the tube, lengthen or
@@ -40,7 +41,10 @@ void go_on_behind(const HeightMap& map, const TrackerConfig& config, FoundTube& 
 /// shorter.
 void fit_again(const HeightMap& map, const TrackerConfig& config, FoundTube& tube);
 
+/// Why something is no tube, for people.
+using Reason = std::basic_string<char, std::char_traits<char>, RecyclingAllocator<char>>;
+
 /// DESIGN §2, "A tube": long, wide and round enough, confirmed by the image, convex. The reason when it is none.
-std::optional<std::string> why_no_tube(const FoundTube& found, const TrackerConfig& config);
+std::optional<Reason> why_no_tube(const FoundTube& found, const TrackerConfig& config);
 
 }  // namespace tubetrack

@@ -4,6 +4,8 @@
 #include <cstddef>
 #include <vector>
 
+#include "tubetrack/tracker/recycled.hpp"
+
 namespace tubetrack {
 
 /// A bend with the straight that leads to it.
@@ -21,7 +23,7 @@ struct PartChain {
   Eigen::Vector3d start_m = Eigen::Vector3d::Zero();
   Eigen::Vector3d direction = Eigen::Vector3d::UnitX();  ///< unit, at the start
   Eigen::Vector3d towards = Eigen::Vector3d::UnitY();    ///< unit, across `direction`: where a bend of rotation 0 goes
-  std::vector<ChainBend> bends;
+  RecycledVector<ChainBend> bends;
   double closing_m = 0.0;  ///< length of the last straight, ≥ 0
 };
 
@@ -39,7 +41,7 @@ struct PlacedBend {
 };
 
 struct PlacedChain {
-  std::vector<PlacedBend> bends;
+  RecycledVector<PlacedBend> bends;
   Eigen::Vector3d last_start_m = Eigen::Vector3d::Zero();
   Eigen::Vector3d last_tangent = Eigen::Vector3d::UnitX();
   Eigen::Vector3d last_towards = Eigen::Vector3d::UnitY();

@@ -2,10 +2,10 @@
 
 #include <cstdint>
 #include <limits>
-#include <vector>
 
 #include "tubetrack/heightmap/height_map.hpp"
 #include "tubetrack/tracker/fit.hpp"
+#include "tubetrack/tracker/recycled.hpp"
 
 namespace tubetrack {
 
@@ -35,17 +35,17 @@ struct PredictedPixel {
 
 /// Every pixel whose ray meets the tube, once each, in cell order; with `stride` every so manieth in either direction.
 /// Includes pixels without a return.
-std::vector<PredictedPixel> predict_pixels(const HeightMap& map, const NoiseModel& noise, const TubeModel& model,
-                                           int stride = 1);
+RecycledVector<PredictedPixel> predict_pixels(const HeightMap& map, const NoiseModel& noise, const TubeModel& model,
+                                              int stride = 1);
 /// The same into a buffer that is used again: fresh memory of this size costs as much as what is written to it.
 void predict_pixels(const HeightMap& map, const NoiseModel& noise, const TubeModel& model, int stride,
-                    std::vector<PredictedPixel>& pixels);
+                    RecycledVector<PredictedPixel>& pixels);
 
 /// The pixels to fit: predicted incidence below 75° and so far inside the silhouette that the lateral jitter doesn't
 /// reach it (chosen by prediction, never by residual beyond the gate that keeps other surfaces out), reading within
 /// gate_m + gate_sigmas·σ of the prediction. The jitter's bias is taken off. Only those predicted inside `extent`.
-std::vector<Observation> select_observations(const HeightMap& map, const NoiseModel& noise,
-                                             const std::vector<PredictedPixel>& predicted, double gate_m,
-                                             double gate_sigmas, const Extent& extent = kWholeTube);
+RecycledVector<Observation> select_observations(const HeightMap& map, const NoiseModel& noise,
+                                                const RecycledVector<PredictedPixel>& predicted, double gate_m,
+                                                double gate_sigmas, const Extent& extent = kWholeTube);
 
 }  // namespace tubetrack

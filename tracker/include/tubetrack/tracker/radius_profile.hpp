@@ -1,8 +1,8 @@
 #pragma once
 
 #include <Eigen/Core>
-#include <vector>
 
+#include "tubetrack/tracker/recycled.hpp"
 #include "tubetrack/tracker/spline.hpp"
 
 namespace tubetrack {
@@ -11,8 +11,8 @@ namespace tubetrack {
 /// with wide knots. They are counted in spans from where the centreline was begun (Spline::first_span), so that the
 /// profile stays in its place as the line grows and shrinks. No values: one radius everywhere.
 struct RadiusProfile {
-  int first = 0;                 ///< number of the first control value; value k has its knot at kProfileSpans (k + 1)
-  std::vector<double> offset_m;  ///< control values: 4 or more, or none
+  int first = 0;  ///< number of the first control value; value k has its knot at kProfileSpans (k + 1)
+  RecycledVector<double> offset_m;  ///< control values: 4 or more, or none
 };
 
 /// Knots are this many spans of the centreline apart: 2.5 radii.

@@ -3,9 +3,9 @@
 #include <Eigen/Core>
 #include <optional>
 #include <span>
-#include <vector>
 
 #include "tubetrack/tracker/part_chain.hpp"
+#include "tubetrack/tracker/recycled.hpp"
 #include "tubetrack/tracker/tube.hpp"
 
 namespace tubetrack {
@@ -35,13 +35,13 @@ struct BendSigma {
 /// A chain fitted to a centreline, in the frame of its nodes.
 struct FittedChain {
   PartChain chain;
-  std::vector<BendSigma> sigma;  ///< one a bend
+  RecycledVector<BendSigma> sigma;  ///< one a bend
   double closing_sigma_m = 0.0;
 };
 
 /// A centreline cut into its parts.
 struct CenterlineParts {
-  std::vector<Segment> segments;      ///< in order and without gaps, along the fitted chain; empty: no parts found
+  RecycledVector<Segment> segments;   ///< in order and without gaps, along the fitted chain; empty: no parts found
   std::optional<FittedChain> fitted;  ///< unless a part is `free`, or there are no parts
 };
 
@@ -53,6 +53,6 @@ struct CenterlineParts {
 CenterlineParts cut_into_parts(const MeasuredCenterline& line);
 
 /// The straight and toric parts of a chain, in order and without gaps.
-std::vector<Segment> segments_of(const PartChain& chain);
+RecycledVector<Segment> segments_of(const PartChain& chain);
 
 }  // namespace tubetrack

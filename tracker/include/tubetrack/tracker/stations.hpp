@@ -1,9 +1,9 @@
 #pragma once
 
 #include <cmath>
-#include <vector>
 
 #include "tubetrack/tracker/predict.hpp"
+#include "tubetrack/tracker/recycled.hpp"
 
 namespace tubetrack {
 
@@ -30,12 +30,12 @@ struct Station {
 double station_length_m(const HeightMap& map, const TubeModel& model);
 
 /// Stations of about `length_m` each, in order of t, over the whole spline.
-std::vector<Station> stations_of(const HeightMap& map, const TubeModel& model,
-                                 const std::vector<PredictedPixel>& predicted, double length_m);
+RecycledVector<Station> stations_of(const HeightMap& map, const TubeModel& model,
+                                    const RecycledVector<PredictedPixel>& predicted, double length_m);
 
 /// The stretch of the centreline that is seen: from the first to the last seen station of the run with the most of
 /// them. Runs are joined across gaps that nothing refutes and that are shorter than `max_gap_m`. Empty (begin = end)
 /// where none is seen.
-Extent seen_extent(const std::vector<Station>& stations, double station_m, double max_gap_m);
+Extent seen_extent(const RecycledVector<Station>& stations, double station_m, double max_gap_m);
 
 }  // namespace tubetrack

@@ -1,8 +1,7 @@
 #pragma once
 
-#include <vector>
-
 #include "tubetrack/tracker/accumulation_map.hpp"
+#include "tubetrack/tracker/recycled.hpp"
 
 namespace tubetrack {
 
@@ -28,11 +27,11 @@ bool is_inside_tube(int votes, int start_votes, const Eigen::Vector3d& step, con
 
 /// Algorithm 2, `trackPatchCenter`, from `start` along its axis or (`in_front` false) against it. The first point is
 /// the start; the last one that is not inside the tube is left out.
-std::vector<TracePoint> trace_one_way(const AccumulationMap& map, const VoxelIndex& start, bool in_front,
-                                      const TraceOptions& options);
+RecycledVector<TracePoint> trace_one_way(const AccumulationMap& map, const VoxelIndex& start, bool in_front,
+                                         const TraceOptions& options);
 
 /// Both ways from the start, one line from end to end. At least the start itself.
-std::vector<TracePoint> trace_both_ways(const AccumulationMap& map, const VoxelIndex& start,
-                                        const TraceOptions& options);
+RecycledVector<TracePoint> trace_both_ways(const AccumulationMap& map, const VoxelIndex& start,
+                                           const TraceOptions& options);
 
 }  // namespace tubetrack
