@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <bit>
 #include <cmath>
+#include <iterator>
 #include <optional>
 
 namespace tubetrack {
@@ -182,7 +183,7 @@ void add_surfels(const Lines& lines, const StripRun& run, const StripPiece& piec
 }
 
 void add_strips(const Lines& lines, const AxialNoise& noise, const SurfelOptions& options,
-                std::span<const std::uint8_t> skip, StripWork& work) {
+                std::span<const std::uint8_t> skip, StripWork& work, std::vector<Surfel>& out) {
   work.first_of_line.assign(static_cast<std::size_t>(lines.count()) + 1, 0);
   for (const StripRun& run : work.runs) ++work.first_of_line[static_cast<std::size_t>(run.line) + 1];
   for (std::size_t i = 1; i < work.first_of_line.size(); ++i) work.first_of_line[i] += work.first_of_line[i - 1];
@@ -197,7 +198,7 @@ void add_strips(const Lines& lines, const AxialNoise& noise, const SurfelOptions
     if (width_px < static_cast<float>(options.narrowest_strip_px) ||
         width_px > static_cast<float>(options.widest_strip_px))
       continue;
-    add_surfels(lines, run, *piece, noise, options, work.surfels);
+    add_surfels(lines, run, *piece, noise, options, out);
   }
 }
 
@@ -206,19 +207,21 @@ void add_strips(const Lines& lines, const AxialNoise& noise, const SurfelOptions
 std::span<const Surfel> strip_surfels(const HeightMap& map, const Heights& heights, const Edges& edges,
                                       const AxialNoise& noise, const SurfelOptions& options,
                                       std::span<const std::uint8_t> skip, StripWork& work) {
-  work.surfels.clear();
   const Lines rows{map, heights, false};
   work.runs.clear();
+  work.of_rows.clear();
   runs_of_rows(rows, edges, options, work.runs);
-  add_strips(rows, noise, options, skip, work);
+  add_strips(rows, noise, options, skip, work, work.of_rows);
   const Lines columns{map, heights, true};
   work.runs.clear();
+  work.of_columns.clear();
   runs_of_columns(columns, edges, options, work.open, work.runs);
-  add_strips(columns, noise, options, skip, work);
+  add_strips(columns, noise, options, skip, work, work.of_columns);
+  std::ranges::sort(work.of_columns, {}, &Surfel::cell);  // of the rows they are in cell order
   // Of two in one cell the rows' stays.
-  std::ranges::stable_sort(work.surfels, {}, &Surfel::cell);
-  const auto doubles = std::ranges::unique(work.surfels, {}, &Surfel::cell);
-  work.surfels.erase(doubles.begin(), doubles.end());
+  work.surfels.clear();
+  std::ranges::set_union(work.of_rows, work.of_columns, std::back_inserter(work.surfels), {}, &Surfel::cell,
+                         &Surfel::cell);
   return work.surfels;
 }
 

@@ -22,7 +22,7 @@ struct StripWork {
   std::vector<StripRun> runs;
   std::vector<std::size_t> first_of_line;  ///< in `runs`; one more than there are lines
   std::vector<int> open;                   ///< by column, where the run that has not ended began
-  std::vector<Surfel> surfels;
+  std::vector<Surfel> of_rows, of_columns, surfels;
 };
 
 /// A tube too narrow for windows shows by both silhouettes instead: surfels of narrow strips that stand out from what
