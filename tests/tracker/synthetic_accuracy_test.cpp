@@ -137,12 +137,13 @@ TEST(SyntheticPile, IsFoundButForTheTubeUnderTheOthers) {
   const View view{"pile", 0, 0.0};
   const TubeScore exact = without_noise(view);
   EXPECT_GE(exact.coverage(), 0.966);
-  EXPECT_LE(exact.rms_m(), 0.0003);
+  EXPECT_LE(exact.rms_m(), 0.00025);
   EXPECT_EQ(exact.false_length(), 0.0);
   EXPECT_LE(exact.radius_error_median(), 0.008);
   EXPECT_LE(*std::ranges::max_element(exact.radius_errors), 0.0215);
   const TubeScore noisy = with_noise(view, false);
   EXPECT_GE(noisy.coverage(), 0.96);
+  EXPECT_LE(noisy.rms_m(), 0.00036);
   EXPECT_LE(noisy.radius_error_median(), 0.012);
 }
 

@@ -8,6 +8,7 @@
 #include "confidence.hpp"
 #include "fit_steps.hpp"
 #include "followed_extent.hpp"
+#include "line_ends.hpp"
 #include "motion.hpp"
 #include "observe.hpp"
 #include "pool.hpp"
@@ -18,6 +19,7 @@ namespace {
 
 constexpr double kRestChi2 = 30.0;      // 6 degrees of freedom: once in 25,000 frames by chance
 constexpr int kFramesToComeToRest = 6;  // long enough for 1 mm/s to show
+constexpr double kHook = 1.0;           // spans at an end that may be bent
 constexpr double kEndTrim = 0.6;        // spans
 constexpr double kRoundness = 3e-4;
 constexpr double kFitGate = 0.1;  // radii: how near a reading must be to be fitted, beside its noise
@@ -290,7 +292,10 @@ FollowedTube start_following(FoundTube found, const HeightMap& map, const Tracke
 void pool_without_ends(FollowedTube& tube, const HeightMap& map, const TrackerConfig& config) {
   if (length_m(tube) <= 8.0 * tube.model.radius_m) return;
   FollowedTube without = tube;
-  if (!fit_to_frame(without, map, config, tube.model)) return;
+  // From ends that were bent into hooks the prior, which takes large bends for granted, would not come back.
+  TubeModel start = tube.model;
+  continue_from(start.spline, tube.extent.t_begin + kHook, tube.extent.t_end - kHook);
+  if (!fit_to_frame(without, map, config, std::move(start))) return;
   // Where the ends tell much of the radius, that they bend the line costs less than leaving them out.
   const bool costs_little = without.quality.radius_sigma_m <= 1.1 * tube.quality.radius_sigma_m;
   if (costs_little && shows_a_face(tube)) {
