@@ -237,10 +237,12 @@ std::optional<FittedChain> fit_chain_to_surface(const PartChain& initial, const 
   if (!(initial.bends.front().straight_m > 0.0) && fit.chain.bends.front().straight_m < told_apart_m)
     return std::nullopt;
   if (!(initial.closing_m > 0.0) && fit.chain.closing_m < told_apart_m) return std::nullopt;
-  // Measured on meshes (docs/bends.md): how far off ends are.
-  constexpr double kEndSteps = 0.06;
-  const double end_m = kEndSteps * config.grid_step_m;
-  return with_covariance(fit.chain, covariance, end_m, end_m);
+  // What all of the section errs by alike, measured on meshes (docs/bends.md); less of it says less.
+  constexpr double kEndSteps = 0.012;
+  const double all_m =
+      kEndSteps * config.grid_step_m * std::sqrt(2.0 * std::numbers::pi / std::max(1.0, tube.evidence.arc_rad));
+  return with_covariance(fit.chain, covariance, std::hypot(all_m, tube.evidence.begin_sigma_m),
+                         std::hypot(all_m, tube.evidence.end_sigma_m));
 }
 
 }  // namespace tubetrack

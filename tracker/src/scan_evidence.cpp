@@ -8,6 +8,9 @@
 #include <bit>
 #include <cmath>
 #include <numbers>
+#include <utility>
+
+#include "scan_ends.hpp"
 
 namespace tubetrack {
 
@@ -65,11 +68,6 @@ struct RadiusSums {
   }
 };
 
-/// A surfel's place along the line and its weight.
-struct PlacedArea {
-  double t = 0.0, weight = 0.0;
-};
-
 struct Sections {
   std::vector<std::uint64_t> by_place, by_normal;  // one a station
   std::vector<std::array<RadiusSums, kBins>> radii;
@@ -108,32 +106,16 @@ std::pair<std::size_t, std::size_t> best_run(const std::vector<ScanStation>& sta
   return best;
 }
 
-/// Where the surface ends. The outermost surfels (but for one in a hundred) do so a part of their size before it does;
-/// how much, their areas tell: summed up from the end on, they grow with the way from it.
-double end_of(const Sections& sections, std::size_t station, bool front, double spacing_spans) {
-  constexpr std::size_t kStations = 4;  // 2 radii
+/// Where the tube ends, by the surfels of the four stations (2 radii) from `station` on.
+TubeEnd end_at(const Sections& sections, std::size_t station, bool front, double spacing_spans) {
+  constexpr std::size_t kStations = 4;
   std::vector<PlacedArea> areas;
   std::size_t outer = 0;  // of the two outermost stations
   for (std::size_t i = 0, at = station; i < kStations && at < sections.agreeing.size(); ++i, at += front ? 1 : -1) {
     areas.insert(areas.end(), sections.agreeing[at].begin(), sections.agreeing[at].end());
     if (i < 2) outer = areas.size();
   }
-  const double inward = front ? 1.0 : -1.0;
-  std::sort(areas.begin(), areas.end(), [inward](const PlacedArea& a, const PlacedArea& b) {
-    return inward * a.t < inward * b.t || (a.t == b.t && a.weight < b.weight);
-  });
-  const double outermost = areas[std::min(outer / 100, outer - 1)].t;
-  double area = 0.0, n = 0.0, sx = 0.0, sy = 0.0, sxx = 0.0, sxy = 0.0;
-  for (const PlacedArea& placed : areas) {
-    const double x = area + 0.5 * placed.weight, y = placed.t - outermost;
-    area += placed.weight;
-    n += placed.weight, sx += placed.weight * x, sy += placed.weight * y;
-    sxx += placed.weight * x * x, sxy += placed.weight * x * y;
-  }
-  const double spread = n * sxx - sx * sx;
-  if (!(spread > 0.0)) return outermost;
-  const double beyond = -inward * (sy * sxx - sx * sxy) / spread;  // the line's value where the area is 0
-  return outermost - inward * std::clamp(beyond, 0.0, spacing_spans);
+  return end_of(std::move(areas), outer, front, spacing_spans);
 }
 
 /// RMS of the section's shape against its mean, over stretches of four radii (a section that turns along a long tube
@@ -220,7 +202,7 @@ Sections gather(std::span<const Surfel> surfels, const std::vector<SurfacePoint>
     sections.by_normal[at] |= bins_around(angle_of(outward, frames[at]), half_rad);
     const auto bin = static_cast<std::size_t>(bin_of(place_rad));
     sections.radii[at][bin] += {1.0, point.distance_m, point.distance_m * point.distance_m};
-    sections.agreeing[at].push_back({point.t, weight});
+    sections.agreeing[at].push_back({point.t, weight, static_cast<int>(bin) * kEndSectors / kBins});
   }
   for (ScanStation& station : stations) {
     if (station.agree > 0.0) station.radius_m /= station.agree;
@@ -259,8 +241,12 @@ ScanEvidence look_at(std::span<const Surfel> surfels, const std::vector<SurfaceP
   const auto [first, last] = best_run(evidence.stations);
   if (first > last) return evidence;
   const double spacing_spans = spacing_m / (line_m / spline.spans());
-  evidence.t_begin = std::max(0.0, end_of(sections, first, true, spacing_spans));
-  evidence.t_end = std::min(spline.spans(), end_of(sections, last, false, spacing_spans));
+  const TubeEnd begin = end_at(sections, first, true, spacing_spans),
+                end = end_at(sections, last, false, spacing_spans);
+  evidence.t_begin = std::max(0.0, begin.t);
+  evidence.t_end = std::min(spline.spans(), end.t);
+  evidence.begin_sigma_m = begin.sigma * line_m / spline.spans();
+  evidence.end_sigma_m = end.sigma * line_m / spline.spans();
   if (line.closed() && first <= static_cast<std::size_t>(line.overlap / station_spans) &&
       evidence.t_end >= line.overlap + line.period - station_spans) {
     evidence.t_begin = line.overlap;

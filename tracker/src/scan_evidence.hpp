@@ -24,6 +24,7 @@ struct ScanStation {
 struct ScanEvidence {
   std::vector<ScanStation> stations;  ///< over the whole line, in order
   double t_begin = 0.0, t_end = 0.0;  ///< the seen stretch, joined across gaps of 3 radii; empty where none is seen
+  double begin_sigma_m = 0.0, end_sigma_m = 0.0;  ///< of the stretch's ends, along the line
   double length_m = 0.0;
   double arc_rad = 0.0;            ///< median over the stations of the stretch
   double support = 0.0;            ///< agreeing weight over facing weight
