@@ -10,6 +10,7 @@
 
 #include "point_tree.hpp"
 #include "scan_bytes.hpp"
+#include "scan_content.hpp"
 #include "scan_readers.hpp"
 #include "scan_repair.hpp"
 
@@ -163,7 +164,7 @@ Scan scan_of_volume(RawVolume raw, const ScanOptions& options) {
   return scan;
 }
 
-Scan read_any(const std::filesystem::path& path, const ScanOptions& options) {
+Scan read_as_named(const std::filesystem::path& path, const ScanOptions& options) {
   check_options(options);
   std::error_code error;
   if (!std::filesystem::exists(path, error)) throw ScanRefusal{"no such file; check the path", Error::Kind::usage};
@@ -193,6 +194,18 @@ Scan read_any(const std::filesystem::path& path, const ScanOptions& options) {
                   "(.vol .mhd .mha .nii .nii.gz) or a 16-bit height map (.png .pgm .tif .tiff)",
                   in_quotes(path.extension().string())),
       Error::Kind::usage};
+}
+
+/// A file that can't be read as what it is named may be something else by what is in it: then that is what is wrong.
+Scan read_any(const std::filesystem::path& path, const ScanOptions& options) {
+  try {
+    return read_as_named(path, options);
+  } catch (const ScanRefusal& refusal) {
+    const std::string_view ending = ending_by_content(read_header_text(path));
+    if (ending.empty() || has_ending(lower_case(path.filename().string()), ending)) throw;
+    throw ScanRefusal{fmt::format("is named {} but begins as {} does; rename it", path.extension().string(), ending),
+                      refusal.kind};
+  }
 }
 
 double median(std::vector<double>& values) {

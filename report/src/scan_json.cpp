@@ -1,7 +1,10 @@
 #include "tubetrack/report/scan_json.hpp"
 
+#include <array>
 #include <cmath>
 #include <nlohmann/json.hpp>
+#include <stdexcept>
+#include <utility>
 
 #include "tubetrack/report/result_json.hpp"
 
@@ -49,7 +52,64 @@ Json nominal_json(const NominalComparison& comparison, std::optional<double> tol
   return json;
 }
 
+/// The value whose name is `text`, of those up to `last`.
+template <class At>
+At value_of(const std::string& text, std::string_view (*name)(At), At last) {
+  for (int value = 0; value <= static_cast<int>(last); ++value) {
+    if (name(static_cast<At>(value)) == text) return static_cast<At>(value);
+  }
+  throw std::runtime_error("\"at\": \"" + text + "\" is not known");
+}
+
+TubeJoint joint_from(const Json& json) {
+  TubeJoint joint;
+  const auto position = json.at("position_m").get<std::array<double, 3>>();
+  joint.position_m = {position[0], position[1], position[2]};
+  for (const Json& part : json.at("tubes")) {
+    joint.parts.push_back({part.at("id").get<std::int64_t>(),
+                           value_of(part.at("at").get<std::string>(), joint_part_name, TubeJoint::At::flank),
+                           part.at("along_m").get<double>()});
+  }
+  return joint;
+}
+
+NominalComparison nominal_from(const Json& json) {
+  NominalComparison comparison;
+  comparison.nominal = json.at("nominal").get<std::int64_t>();
+  comparison.problem = json.value("error", std::string());
+  if (!comparison.problem.empty()) return comparison;
+  comparison.tube = json.at("tube").get<std::int64_t>();
+  comparison.reversed = json.at("reversed").get<bool>();
+  comparison.rms_m = json.at("rms_m").get<double>();
+  comparison.max_deviation_m = json.at("max_deviation_m").get<double>();
+  comparison.max_sheath_m = json.at("max_sheath_m").get<double>();
+  for (const Json& point : json.at("points")) {
+    comparison.points.push_back({value_of(point.at("at").get<std::string>(), nominal_point_name, NominalPoint::At::end),
+                                 point.at("point").get<std::size_t>(), point.at("deviation_m").get<double>(),
+                                 point.at("sheath_m").get<double>()});
+  }
+  return comparison;
+}
+
 }  // namespace
+
+Expected<ScanResult> parse_scan_line(std::string_view line) {
+  auto frame = parse_result_line(line);
+  if (!frame) return tl::make_unexpected(frame.error());
+  ScanResult result;
+  result.frame = std::move(*frame);
+  try {
+    const Json json = Json::parse(line);
+    for (const Json& joint : json.value("joints", Json::array())) result.joints.push_back(joint_from(joint));
+    for (const Json& nominal : json.value("nominal", Json::array())) {
+      result.nominal.push_back(nominal_from(nominal));
+      if (nominal.contains("tolerance_m")) result.tolerance_m = nominal.at("tolerance_m").get<double>();
+    }
+  } catch (const std::exception& problem) {
+    return tl::make_unexpected(Error::failed(std::string("not a scan's line of tubetrack: ") + problem.what()));
+  }
+  return result;
+}
 
 std::string scan_result_line(const TubeFrame& frame, bool with_timing, const ScanFindings& findings) {
   Json more = Json::object();

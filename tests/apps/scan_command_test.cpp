@@ -161,6 +161,23 @@ TEST_F(ScanCommand, FilesThatAreNoGoodGiveOneLineAndEndWithOne) {
   }
 }
 
+TEST_F(ScanCommand, AFileThatIsNotWhatItIsNamedIsToldSo) {
+  const std::string off = off_text(bent_pipe()), ply = ply_bytes(bent_pipe(), "binary_little_endian");
+  const std::string nifti = nifti_bytes({8, 8, 8}, {1.0F, 1.0F, 1.0F}, std::string(512, '\1'));
+  const std::tuple<const char*, std::string, const char*> cases[] = {
+      {"a.stl", off, "is named .stl but begins as .off does; rename it"},
+      {"b.PLY", off, "is named .PLY but begins as .off does; rename it"},
+      {"c.pcd", ply, "is named .pcd but begins as .ply does; rename it"},
+      {"d.off", binary_stl(bent_pipe(), "solid as many programs begin"), "is named .off but begins as .stl does"},
+      {"e.mhd", nifti, "is named .mhd but begins as .nii does"},
+      {"f.scan", off, "is named .scan but begins as .off does"}};
+  for (const auto& [name, bytes, message] : cases) {
+    const ProgramEnd end = scan({write(name, bytes)});
+    EXPECT_EQ(end.exit_code, std::string(name) == "f.scan" ? 2 : 1) << name;
+    EXPECT_THAT(end.err, HasSubstr(message));
+  }
+}
+
 TEST_F(ScanCommand, AScanWithoutATubeSaysSo) {
   const ProgramEnd end =
       scan({write("flat.off", "OFF\n4 2 0\n0 0 0\n100 0 0\n0 100 0\n100 100 0\n3 0 1 2\n3 1 3 2\n")});

@@ -132,6 +132,27 @@ TEST(ScanLine, JointsAndNominalTubesKeepToTheSchema) {
   EXPECT_THAT(lines[0], HasSubstr(R"("pass":false)"));
 }
 
+TEST(ScanLine, IsReadBackWithItsJointsAndNominalTubes) {
+  TubeFrame frame;
+  frame.frame_id = "scan";
+  const std::vector<NominalTube> nominal{nominal_of(tube_of(chain()), true), {2, {{0, 0, 0}, {1, 0, 0}}}};
+  const auto compared = compare_with_nominal(nominal, std::vector{tube_of(chain())});
+  const std::vector<TubeJoint> joints{
+      {{0.1, 0.2, 0.3}, {{7, TubeJoint::At::end, 0.52}, {8, TubeJoint::At::flank, 0.25}}}};
+  for (const std::string& line : {scan_result_line(frame, false, {joints, compared, 0.0005}),
+                                  scan_result_line(frame, false, {{}, compared, std::nullopt}),
+                                  scan_result_line(frame, false, {joints, {}, std::nullopt})}) {
+    const auto read = parse_scan_line(line);
+    ASSERT_TRUE(read) << read.error().message;
+    EXPECT_EQ(scan_result_line(read->frame, false, {read->joints, read->nominal, read->tolerance_m}), line);
+  }
+  std::string wrong = scan_result_line(frame, false, {joints, {}, std::nullopt});
+  wrong.replace(wrong.find("flank"), 5, "shore");
+  const auto read = parse_scan_line(wrong);
+  ASSERT_FALSE(read);
+  EXPECT_THAT(read.error().message, HasSubstr("\"at\": \"shore\" is not known"));
+}
+
 TEST(Nominal, TheFileIsWhatXyzCsvWrites) {
   const test::TemporaryFolder folder;
   const Tube tube = tube_of(chain());

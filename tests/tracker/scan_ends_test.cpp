@@ -60,7 +60,8 @@ TEST(ScanEnds, OfPointsWithoutOrderLieWithinTheirSigma) {
   std::printf("ends of points: RMS %.4f, sigma %.4f, %.1f %% inside\n", std::sqrt(squares), sigma,
               100.0 * inside / kDraws);
   EXPECT_GT(inside, 0.88 * kDraws);  // six parts tell a sigma to a third
-  EXPECT_NEAR(sigma / std::sqrt(squares), 1.0, 0.3);
+  EXPECT_GT(sigma, std::sqrt(squares));
+  EXPECT_LT(sigma, 1.5 * std::sqrt(squares));  // the end is told by all of them together, and better than by each
 }
 
 TEST(ScanEnds, OfAPartOfTheSectionAloneHaveNoSigma) {
