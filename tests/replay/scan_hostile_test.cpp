@@ -199,7 +199,7 @@ TEST(HostileScans, AWrongNameIsAUsageError) {
   EXPECT_THAT(refusal_of(folder / "missing.off"), HasSubstr("no such file"));
   EXPECT_THAT(refusal_of(folder.path()), HasSubstr("is a folder"));
   write_bytes(folder / "mesh.stl", "OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n" + std::string(80, ' '));
-  EXPECT_THAT(refusal_of(folder / "mesh.stl"), HasSubstr("it was cut off or the header is wrong"));
+  EXPECT_THAT(refusal_of(folder / "mesh.stl"), HasSubstr("is named .stl but begins as .off does; rename it"));
 }
 
 TEST(HostileScans, MemoryIsLimited) {

@@ -38,7 +38,7 @@ Tube tube_of(const PartChain& chain) {
   tube.id = 4;
   tube.radius_m = 0.006;
   tube.centerline_m = points_along(chain, 0.01);
-  tube.bend_table = bend_table_of({chain, std::vector<BendSigma>(chain.bends.size()), 0.0});
+  tube.bend_table = bend_table_of({chain, RecycledVector<BendSigma>(chain.bends.size()), 0.0});
   return tube;
 }
 

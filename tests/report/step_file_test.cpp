@@ -54,7 +54,7 @@ Tube tube_of(std::int64_t id, const PartChain& chain) {
   tube.radius_m = 0.006;
   tube.centerline_m = points_along(chain, 0.003);
   tube.length_m = length_of(chain);
-  tube.bend_table = bend_table_of({chain, std::vector<BendSigma>(chain.bends.size()), 0.0});
+  tube.bend_table = bend_table_of({chain, RecycledVector<BendSigma>(chain.bends.size()), 0.0});
   return tube;
 }
 
