@@ -71,7 +71,7 @@ class Recycled : public Eigen::Map<Plain> {
     return *this;
   }
 
- /// Gives it a size; what it holds is not kept.
+  /// Gives it a size; what it holds is not kept.
   void resize(Eigen::Index rows, Eigen::Index cols = 1) {
     if (rows * cols != this->rows() * this->cols()) *this = Recycled(rows, cols);
     point_to(this->data(), rows, cols);
