@@ -84,9 +84,10 @@ void Memcpy(benchmark::State& state) {
 /// What any stage that looks at the pixels costs.
 void Floor(benchmark::State& state) {
   bench::FloorPass pass;
+  Workers one(1);
   std::size_t frame = 0;
   for ([[maybe_unused]] auto _ : state) {
-    bench::floor_pass(frame_of(still()[frame++ % still().size()]), pass);
+    bench::floor_pass(frame_of(still()[frame++ % still().size()]), pass, one);
     benchmark::DoNotOptimize(pass.mean_m.data());
     benchmark::ClobberMemory();
   }

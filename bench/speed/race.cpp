@@ -14,9 +14,13 @@ double thread_ms() {
   return 1e3 * static_cast<double>(now.tv_sec) + 1e-6 * static_cast<double>(now.tv_nsec);
 }
 
+double wall_ms() {
+  return std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now().time_since_epoch()).count();
+}
+
 std::vector<std::vector<double>> race(const std::vector<RenderedFrame>& frames,
                                       const std::vector<Contender>& contenders, int warm_up, int count,
-                                      double most_seconds) {
+                                      double most_seconds, double (*clock_ms)()) {
   using Clock = std::chrono::steady_clock;
   auto begin = Clock::now();
   std::vector<std::vector<double>> times_ms(contenders.size());
@@ -29,9 +33,9 @@ std::vector<std::vector<double>> race(const std::vector<RenderedFrame>& frames,
       const Contender& contender = contenders[turn];
       if (i % contender.every != 0) continue;
       if (contender.prepare) contender.prepare(frame);
-      const double start_ms = thread_ms();
+      const double start_ms = clock_ms();
       contender.run(frame);
-      const double end_ms = thread_ms();
+      const double end_ms = clock_ms();
       if (i >= warm_up) times_ms[turn].push_back(end_ms - start_ms);
     }
   }

@@ -86,6 +86,10 @@ std::string speed_goals(const SpeedReport& report, double peak_memory_mb) {
   most("first frame, radius 5–100 mm, median, slowest scene", "≤ 15 ms", slowest_first(report), 15.0, 1);
   most("peak memory of a run with tubetrack alone", "≤ 300 MB", peak_memory_mb > 0.0 ? peak_memory_mb : kNoGoal, 300.0,
        0);
+  const auto moving_threads = std::ranges::find(report.threads, "moving tube", &ThreadsRow::name);
+  table.add({"moving tube: what two threads gain, over what the floor pass gains by them", "≥ 0.8",
+             known(at_least(moving_threads == report.threads.end() ? kNoGoal : moving_threads->share_of_floor(), 0.8,
+                            1.0, 2))});
   table.add({"exponent of the time in the cells that change", "0 to 1.1",
              known(between(changes_exponent(report.changes), 0.0, kMostExponent, 1.0, 2))});
   most("time with 64 times the volume over time with 1", "≤ 1.1", growth(report.volumes), kMostGrowth, 2);

@@ -15,7 +15,7 @@ constexpr const char* kHowMeasured = R"(## How it is measured
 
 Scenes are made and rendered before anything is timed (`bench/speed/speed_scenes.cpp`): frames with noise of their own,
 kept in memory and played forth and back at 30 frames a second. What moves swings, so that it jumps nowhere. The tracker
-has its default configuration, one thread, no radius. Times are processor time of that thread around the whole call, so
+has its default configuration, one thread, no radius. Times (but with two threads) are processor time of that thread around the whole call, so
 that what other programs take is not in them (that they disturb the caches is); on an idle machine the wall's clock runs
 alike. The stages are by the tracker's own clock, on the wall. Every row begins with a pass over its frames that is not counted.
 
@@ -77,6 +77,10 @@ std::string speed_page(const SpeedReport& report, const SpeedAbout& about) {
       "The moving tube with cells of 3 mm, while the depth in which tubes are looked for, and with it the volume in "
       "view that the accumulation map could hold, grows. All three in turns on the same frames.\n",
       growth_table(report.volumes));
+  section("Two threads",
+          "`--threads 2` beside one thread, and the floor pass in two bands beside one, all on the wall and in turns. "
+          "Two cores that do nothing else are needed for this to say much.\n",
+          threads_table(report.threads));
   section("Cells that change",
           fmt::format("The still scene, and a board behind the tube that jumps by 60 mm from frame to frame and covers "
                       "from none to half of the image. Above the first row the time grows with the cells that change "

@@ -26,6 +26,7 @@ std::string stages_table(const SpeedReport& report);
 std::string first_table(const SpeedReport& report);
 std::string rivals_table(const SpeedReport& report);
 std::string growth_table(const std::vector<SpeedRow>& rows);
+std::string threads_table(const std::vector<ThreadsRow>& rows);
 std::string changes_table(const std::vector<SpeedRow>& rows);
 
 /// How fast the time grows with the cells that change, above what the still scene (the first row) takes: the exponent

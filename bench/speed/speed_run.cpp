@@ -38,6 +38,7 @@ struct TrackerRun {
 struct PlainPasses {
   std::vector<std::uint16_t> copy;
   FloorPass floor;
+  Workers one{1};
 };
 
 /// The same for all rows: memcpy, the floor pass and, where it is built in, FALS.
@@ -46,8 +47,8 @@ std::vector<Contender> yardsticks(PlainPasses& passes, const Intrinsics& camera,
     std::memcpy(passes.copy.data(), frame.pixels, passes.copy.size() * sizeof(std::uint16_t));
   };
   passes.copy.resize(static_cast<std::size_t>(camera.width) * static_cast<std::size_t>(camera.height));
-  std::vector<Contender> contenders = {{"memcpy", copy},
-                                       {"floor pass", [&passes](const DepthFrame& f) { floor_pass(f, passes.floor); }}};
+  std::vector<Contender> contenders = {
+      {"memcpy", copy}, {"floor pass", [&passes](const DepthFrame& f) { floor_pass(f, passes.floor, passes.one); }}};
   for (PeerContender& peer : peers(camera)) {
     if (peer.yardstick) contenders.push_back(std::move(peer.contender));
   }
@@ -184,6 +185,10 @@ SpeedReport run_speed(const SpeedOptions& options, const Peers& peers,
   report.volumes = run_volumes(options, peers);
   for (const double share : {0.0, 1.0 / 32, 1.0 / 16, 1.0 / 8, 1.0 / 4, 1.0 / 2}) {
     report.changes.push_back(row(changing_scene(share)));
+  }
+  for (const SpeedScene& speed : {still_scene(), moving_tube_scene(), moving_camera_scene()}) {
+    progress("two threads, " + speed.name);
+    report.threads.push_back(run_threads(speed, options));
   }
   for (const SpeedScene& speed :
        {still_scene(), moving_tube_scene(), moving_camera_scene(), three_tubes_scene(), no_tube_scene()}) {

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <functional>
 #include <limits>
 #include <string>
@@ -56,6 +57,18 @@ struct FirstFrames {
   std::vector<StageTimes> stages;
 };
 
+/// A scene with one thread and with two, on the wall: a frame of tubetrack, and the floor pass.
+struct ThreadsRow {
+  std::string name;
+  std::array<std::vector<double>, 2> frame_ms;  ///< with one thread, with two
+  std::array<std::vector<double>, 2> floor_ms;
+
+  /// How much quicker two threads are, over how much quicker they are at the floor pass.
+  double share_of_floor() const;
+};
+/// All four in turns on the same frames (speed_threads.cpp).
+ThreadsRow run_threads(const SpeedScene& speed, const SpeedOptions& options);
+
 struct SpeedReport {
   SpeedOptions options;
   std::vector<SpeedRow> scenes;   ///< still, moving tube, moving camera, three tubes, no tube
@@ -63,6 +76,7 @@ struct SpeedReport {
   std::vector<SpeedRow> counts;   ///< 1, 4 and 16 tubes
   std::vector<SpeedRow> volumes;  ///< the moving tube with 1, 8 and 64 times the volume
   std::vector<SpeedRow> changes;  ///< more and more cells that change
+  std::vector<ThreadsRow> threads;
   std::vector<PeerTimes> peers;
   std::vector<FirstFrames> first;
 };
@@ -70,7 +84,7 @@ struct SpeedReport {
 /// The peers for a camera; at most one of them is a yardstick.
 using Peers = std::function<std::vector<PeerContender>(const Intrinsics&)>;
 
-/// Runs all of it on one thread; `progress` is told what begins.
+/// Runs all of it, on one thread but for `threads`; `progress` is told what begins.
 SpeedReport run_speed(const SpeedOptions& options, const Peers& peers,
                       const std::function<void(const std::string&)>& progress);
 

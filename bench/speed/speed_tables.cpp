@@ -137,6 +137,21 @@ std::string growth_table(const std::vector<SpeedRow>& rows) {
   return table.text();
 }
 
+std::string threads_table(const std::vector<ThreadsRow>& rows) {
+  MarkdownTable table({"scene", "one thread, median ms", "two threads", "quicker by", "floor pass, one thread",
+                       "two threads", "quicker by", "share of the floor pass's (≥ 0.8)"});
+  for (const ThreadsRow& row : rows) {
+    std::vector<std::string> cells = {row.name};
+    for (const auto& ms : {row.frame_ms, row.floor_ms}) {
+      const double one_ms = median(ms[0]), two_ms = median(ms[1]);
+      for (const double figure : {one_ms, two_ms, one_ms / two_ms}) cells.push_back(number(figure, 2));
+    }
+    cells.push_back(at_least(row.share_of_floor(), 0.8, 1.0, 2));
+    table.add(std::move(cells));
+  }
+  return table.text();
+}
+
 std::string changes_table(const std::vector<SpeedRow>& rows) {
   MarkdownTable table({"cells that change", "frames", "median ms", "p99 ms", "above the first row, ms",
                        "ns for each cell more than there"});

@@ -24,7 +24,7 @@ TEST(BendStudy, ATablesDeviationsAreTheSameFromEitherEnd) {
   PartChain truth;
   truth.bends = {{0.10, 0.0, 1.2, 0.030}, {0.06, 1.0, 0.8, 0.040}, {0.08, -2.0, 1.6, 0.024}};
   truth.closing_m = 0.09;
-  FittedChain there{truth, std::vector<BendSigma>(3), 0.0};
+  FittedChain there{truth, RecycledVector<BendSigma>(3), 0.0};
   there.chain.bends[1].angle_rad += 0.01;
   FittedChain back = there;
   const auto& bends = there.chain.bends;

@@ -39,13 +39,17 @@ double slow_mean_m(const DepthFrame& frame, int u, int v) {
   return static_cast<double>(sum) * frame.metres_per_unit / static_cast<double>(count);
 }
 
-TEST(FloorPass, GivesMetresAndTheMeanOfEveryBoxToFloatPrecision) {
+TEST(FloorPass, GivesMetresAndTheMeanOfEveryBoxToFloatPrecisionWithAnyNumberOfThreads) {
+  Workers one(1), three(3);
   FloorPass pass;  // one for all: sizes change
   for (const auto& [width, height] : {std::pair{40, 23}, {7, 7}, {16, 3}, {3, 16}, {1, 1}, {2, 9}}) {
     const std::size_t stride = static_cast<std::size_t>(width) + 5;
     const auto pixels = random_pixels(stride * static_cast<std::size_t>(height));
     const DepthFrame frame{pixels.data(), width, height, stride * 2, 0.001};
-    floor_pass(frame, pass);
+    floor_pass(frame, pass, three);
+    const std::vector<float> by_three = pass.mean_m;
+    floor_pass(frame, pass, one);
+    EXPECT_EQ(pass.mean_m, by_three);
     ASSERT_EQ(pass.mean_m.size(), static_cast<std::size_t>(width * height));
     for (int v = 0; v < height; ++v) {
       for (int u = 0; u < width; ++u) {

@@ -21,7 +21,6 @@ TEST(StepFile, IsWrittenByOpenCascade) {
 #include <iterator>
 #include <map>
 #include <numbers>
-#include <regex>
 #include <sstream>
 #include <string>
 
@@ -85,10 +84,12 @@ std::string text_of(const std::filesystem::path& path) {
 std::vector<std::vector<double> > radii_of(const std::string& step, const std::string& entity) {
   std::string joined = step;
   std::erase(joined, '\n');
-  const std::regex pattern("= *" + entity + R"(\('[^']*',#\d+,([^)]*)\))");
   std::vector<std::vector<double> > all;
-  for (std::sregex_iterator found(joined.begin(), joined.end(), pattern), end; found != end; ++found) {
-    std::stringstream numbers((*found)[1].str());
+  const std::string opening = entity + "('";
+  for (std::size_t at = joined.find(opening); at != std::string::npos; at = joined.find(opening, at + 1)) {
+    const std::size_t name_end = joined.find("',#", at + opening.size());
+    const std::size_t first = joined.find(',', name_end + 3) + 1;  // behind the number of the placement
+    std::stringstream numbers(joined.substr(first, joined.find(')', first) - first));
     all.emplace_back();
     for (std::string number; std::getline(numbers, number, ',');) all.back().push_back(std::stod(number));
   }
