@@ -140,7 +140,7 @@ Expected<void> run_scan(const ScanFlags& flags) {
     return tl::make_unexpected(read.error());
   }
   if (auto fit = check_flags_fit(flags, scan.kind); !fit) return fit;
-  if (step_m->has_value()) scan.grid_step_m = step_m->value();
+  scan.grid_step_m = step_m->value_or(scan.grid_step_m);
   ScanSurfelOptions surfel_options;
   surfel_options.normals = *normals;
   const std::vector<Surfel> surfels = surfels_of(scan, surfel_options);
