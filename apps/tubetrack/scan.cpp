@@ -126,8 +126,9 @@ Expected<void> run_scan(const ScanFlags& flags) {
   if (auto applied = apply_radius(flags, config); !applied) return applied;
   const auto normals = normals_from(flags);
   if (!normals) return tl::make_unexpected(normals.error());
-  const auto step_m = grid_step_from(flags);
-  if (!step_m) return tl::make_unexpected(step_m.error());
+  const auto asked_step_m = grid_step_from(flags);
+  if (!asked_step_m) return tl::make_unexpected(asked_step_m.error());
+  const std::optional<double> step_m = *asked_step_m;
   if (auto checked = check_scan_outputs(flags.outputs, flags.out, flags.file, flags.nominal); !checked) return checked;
   std::optional<double> tolerance_m;
   const auto nominal = nominal_from(flags, tolerance_m);
@@ -140,13 +141,13 @@ Expected<void> run_scan(const ScanFlags& flags) {
     return tl::make_unexpected(read.error());
   }
   if (auto fit = check_flags_fit(flags, scan.kind); !fit) return fit;
-  scan.grid_step_m = step_m->value_or(scan.grid_step_m);
+  scan.grid_step_m = step_m.value_or(scan.grid_step_m);
   ScanSurfelOptions surfel_options;
   surfel_options.normals = *normals;
   const std::vector<Surfel> surfels = surfels_of(scan, surfel_options);
   const std::chrono::duration<double> seconds = std::chrono::steady_clock::now() - begin;
   if (!flags.quiet) print_scan(flags, scan, surfels.size(), seconds.count());
-  config.cell_m = *step_m;
+  config.cell_m = step_m;
   TubeFrame frame;
   if (auto found = tubes_of_scan(scan, surfels, config, flags.radius_range.empty() && !config.radius_m)) {
     frame = std::move(*found);
