@@ -60,13 +60,10 @@ void search_octave(const Octave& octave, const ScanTubesConfig& config, std::vec
   for (const ScanTube& tube : candidates) {
     if (is_certain(tube.evidence)) take(octave.surfels, tube, spacing_m, taken);
   }
-  const std::vector<char> flat = flat_surfels(octave);
   std::vector<VoteRecord> records;
   records.reserve(octave.surfels.size());
   for (std::size_t i = 0; i < octave.surfels.size(); ++i) {
     records.push_back(weighted_record(octave.surfels[i], octave, config.grid_step_m));
-    // Votes that are not cast are not withdrawn either.
-    if (flat[i] != 0) records.back().weight = 0;
     if (taken[i] == 0) votes.add(records.back());
   }
   watch.lap(times.accumulate_ms);

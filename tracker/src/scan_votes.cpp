@@ -104,29 +104,6 @@ VoteRecord weighted_record(const Surfel& surfel, const Octave& octave, double gr
   return record;
 }
 
-std::vector<char> flat_surfels(const Octave& octave) {
-  constexpr double kMostSpread = 0.0002;  // 1 less the length of the mean normal
-  constexpr std::size_t kFewest = 4;      // fewer may happen to agree
-  const std::vector<Surfel>& surfels = octave.surfels;
-  std::vector<std::pair<std::uint64_t, std::uint32_t>> members;
-  members.reserve(surfels.size());
-  for (std::size_t i = 0; i < surfels.size(); ++i) {
-    members.emplace_back(packed_cell(surfels[i].position_m.cast<double>(), octave.radius_min_m),
-                         static_cast<std::uint32_t>(i));
-  }
-  std::sort(members.begin(), members.end());
-  std::vector<char> flat(surfels.size(), 0);
-  for (std::size_t begin = 0, end = 0; begin < members.size(); begin = end) {
-    Eigen::Vector3d normal = Eigen::Vector3d::Zero();
-    for (; end < members.size() && members[end].first == members[begin].first; ++end)
-      normal += surfels[members[end].second].inward_normal.cast<double>();
-    const auto count = static_cast<double>(end - begin);
-    if (end - begin < kFewest || normal.norm() < (1.0 - kMostSpread) * count) continue;
-    for (std::size_t k = begin; k < end; ++k) flat[members[k].second] = 1;
-  }
-  return flat;
-}
-
 std::optional<ScanSeed> seed_at(const AccumulationMap& votes, const VoxelIndex& peak, const Octave& octave) {
   // Directions spread over an arc of 80° have 0.147 of their moments across its middle; those of a sphere's votes, or a
   // corner's, are spread in all three directions.

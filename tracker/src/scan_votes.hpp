@@ -33,11 +33,6 @@ std::vector<Octave> octaves_of(std::span<const Surfel> surfels, double radius_mi
 VoteRecord weighted_record(const Surfel& surfel, const Octave& octave, double grid_step_m);
 inline constexpr int kVotesPerCell = 4;
 
-/// Flags of an octave's surfels that lie on something too flat for a tube of its radii, and need not vote: all around,
-/// in a box of its smallest radius, normals point the same way, to 2°, where those of the largest tube spread over 26°.
-/// Most of a scan may be floor.
-std::vector<char> flat_surfels(const Octave& octave);
-
 /// Where a tube may be: traced from a peak.
 struct ScanSeed {
   std::vector<Eigen::Vector3d> line_m;  ///< at least 2 points
