@@ -184,11 +184,10 @@ RadiusRange default_radius_range(const Scan& scan, std::span<const Surfel> surfe
   RadiusRange range;
   range.min_m = (scan.kind == ScanKind::cloud ? 1.5 : 2.0) * scan.grid_step_m;
   if (scan.kind == ScanKind::mesh) {
-    constexpr std::size_t kMostSamples = 20'000;
-    const std::size_t stride = scan.faces.size() / kMostSamples + 1;
+    // Of all faces: they stand in patterns, and every k-th would show some of the edges alone.
     std::vector<double> shortest;
-    for (std::size_t i = 0; i < scan.faces.size(); i += stride) {
-      const auto& [a, b, c] = scan.faces[i];
+    shortest.reserve(scan.faces.size());
+    for (const auto& [a, b, c] : scan.faces) {
       shortest.push_back(
           std::min({(scan.points_m[a] - scan.points_m[b]).norm(), (scan.points_m[b] - scan.points_m[c]).norm(),
                     (scan.points_m[c] - scan.points_m[a]).norm()}));
