@@ -73,6 +73,8 @@ std::span<const Surfel> SurfelFinder::find(const HeightMap& map, const NoiseMode
   if (options.widest_strip_px <= 0.0) return s.surfels;
   // Where there are both, what the surface itself says counts.
   const auto strips = strip_surfels(map, s.work.heights, s.work.fits.edges, rule.noise, options, skip, s.strips);
+  s.with_strips.reserve(map.rays.size() / 4);
+  if (strips.empty()) return s.surfels;
   s.with_strips.clear();
   std::ranges::set_union(s.surfels, strips, std::back_inserter(s.with_strips), {}, &Surfel::cell, &Surfel::cell);
   return s.with_strips;

@@ -207,6 +207,10 @@ void add_strips(const Lines& lines, const AxialNoise& noise, const SurfelOptions
 std::span<const Surfel> strip_surfels(const HeightMap& map, const Heights& heights, const Edges& edges,
                                       const AxialNoise& noise, const SurfelOptions& options,
                                       std::span<const std::uint8_t> skip, StripWork& work) {
+  // Strips may be rare: their first frame should ask for no memory either.
+  const std::size_t room = map.rays.size() / 16;
+  work.runs.reserve(room);
+  for (std::vector<Surfel>* surfels : {&work.of_rows, &work.of_columns, &work.surfels}) surfels->reserve(room);
   const Lines rows{map, heights, false};
   work.runs.clear();
   work.of_rows.clear();
