@@ -8,11 +8,11 @@
 #include <random>
 
 #include "figures.hpp"
+#include "found_tubes.hpp"
 #include "markdown.hpp"
 #include "random_tubes.hpp"
 #include "scan_bodies.hpp"
 #include "tubetrack/replay/scan_surfels.hpp"
-#include "tubetrack/tracker/scan_tubes.hpp"
 
 namespace tubetrack::bench {
 
@@ -82,16 +82,6 @@ void add(BendDeviations& sum, const BendDeviations& part) {
   append(sum.length_excess, part.length_excess);
 }
 
-TubeFrame tubes_of(const Scan& scan) {
-  const std::vector<Surfel> surfels = surfels_of(scan);
-  const RadiusRange range = default_radius_range(scan, surfels);
-  ScanTubesConfig config;
-  config.grid_step_m = scan.grid_step_m;
-  config.radius_min_m = range.min_m;
-  config.radius_max_m = range.max_m;
-  return find_scan_tubes(surfels, config);
-}
-
 std::string parts_of(const Tube& tube) {
   std::string text;
   for (const Segment& segment : tube.segments) {
@@ -139,7 +129,8 @@ BendStudy study_bends(std::uint64_t first_seed, int tubes, bool one_side) {
   for (int i = 0; i < tubes; ++i) {
     const std::uint64_t seed = first_seed + static_cast<std::uint64_t>(i);
     const RandomTube truth = random_tube(seed);
-    const TubeFrame frame = tubes_of(scan_of_random_tube(seed, one_side));
+    const Scan scan = scan_of_random_tube(seed, one_side);
+    const TubeFrame frame = found_tubes(scan, surfels_of(scan));
     ++study.tubes;
     if (frame.tubes.size() == 1 && add_deviations(truth.chain, frame.tubes.front().bend_table, study.deviations)) {
       ++study.right;

@@ -9,6 +9,7 @@
 #include <utility>
 #include <vector>
 
+#include "found_tubes.hpp"
 #include "markdown.hpp"
 #include "paper_table.hpp"
 #include "scan_bodies.hpp"
@@ -16,7 +17,6 @@
 #include "tubetrack/replay/scan_surfels.hpp"
 #include "tubetrack/report/scan_picture.hpp"
 #include "tubetrack/report/surface_mesh.hpp"
-#include "tubetrack/tracker/scan_tubes.hpp"
 
 namespace tubetrack::bench {
 
@@ -53,16 +53,6 @@ SurfaceMesh cubes_of(const VoxelGrid& grid, const std::array<std::uint8_t, 3>& c
     }
   }
   return mesh;
-}
-
-TubeFrame tubes_of(const PaperScan& scan) {
-  const std::vector<Surfel> surfels = surfels_of(scan.scan);
-  const RadiusRange range = default_radius_range(scan.scan, surfels);
-  ScanTubesConfig config;
-  config.grid_step_m = scan.scan.grid_step_m;
-  config.radius_min_m = range.min_m;
-  config.radius_max_m = range.max_m;
-  return find_scan_tubes(surfels, config);
 }
 
 /// RMS distance of the voxels of a skeleton from the true centreline, in voxels.
@@ -131,7 +121,7 @@ std::string holed_tubes_text() {
                std::to_string(topology.pieces), std::to_string(topology.ends), std::to_string(topology.loops),
                std::to_string(topology.cavities), "–", number(thinning_s, 2)});
     const std::clock_t ours_begin = std::clock();
-    const TubeFrame frame = tubes_of(scan);
+    const TubeFrame frame = found_tubes(scan.scan, surfels_of(scan.scan));
     const double ours_s = static_cast<double>(std::clock() - ours_begin) / CLOCKS_PER_SEC;
     double found = 0.0;
     for (const Tube& tube : frame.tubes) found += tube.length_m / length_of(scan.truth);
@@ -149,7 +139,7 @@ Expected<void> write_holed_tube_picture(const std::filesystem::path& path) {
   SurfaceMesh panels[3];
   panels[0] = cubes_of(scan.scan.voxels, {170, 170, 170});
   panels[1] = cubes_of(thinned(scan.scan.voxels), {200, 60, 50});
-  for (Tube tube : tubes_of(scan).tubes) {
+  for (Tube tube : found_tubes(scan.scan, surfels_of(scan.scan)).tubes) {
     tube.radius_m = 0.6 * kStep_m;
     tube.node_radius_m.clear();
     append(panels[2], surface_of(tube));

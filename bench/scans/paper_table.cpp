@@ -7,11 +7,11 @@
 #include <ctime>
 #include <limits>
 
+#include "found_tubes.hpp"
 #include "markdown.hpp"
 #include "paper_transcription.hpp"
 #include "scan_bodies.hpp"
 #include "tubetrack/replay/scan_surfels.hpp"
-#include "tubetrack/tracker/scan_tubes.hpp"
 
 namespace tubetrack::bench {
 
@@ -65,12 +65,7 @@ PaperRow measure(const PaperScan& scan, bool with_transcription) {
   row.goal_voxels = scan.goal_voxels;
   const double begin_s = processor_s();
   const std::vector<Surfel> surfels = surfels_of(scan.scan);
-  const RadiusRange range = default_radius_range(scan.scan, surfels);
-  ScanTubesConfig config;
-  config.grid_step_m = scan.scan.grid_step_m;
-  config.radius_min_m = range.min_m;
-  config.radius_max_m = range.max_m;
-  const TubeFrame frame = find_scan_tubes(surfels, config);
+  const TubeFrame frame = found_tubes(scan.scan, surfels);
   row.ours_s = processor_s() - begin_s;
   row.peak_memory_mb = peak_memory_mb();
   row.faces = faces_of(scan.scan, surfels.size());

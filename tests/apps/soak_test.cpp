@@ -1,5 +1,7 @@
 // A live run at ten times the speed, with faults at random: it must neither grow, nor hang, nor lose a frame uncounted.
-// TUBETRACK_SOAK_S: how long, in seconds; scripts/long takes 2880, eight hours of a device's time. Prints its figures.
+// TUBETRACK_SOAK_S: how long, in seconds; scripts/long takes 2880, eight hours of a device's time.
+// TUBETRACK_SOAK_FAULT: in place of faults at random this one, like "unplug 0.1", every 60 frames; "none": none. Prints
+// its figures.
 #include <gmock/gmock.h>
 
 #include <algorithm>
@@ -78,6 +80,15 @@ class Soak : public test::LiveTest {
     return path;
   }
 
+  static std::string faults(double seconds) {
+    const char* only = std::getenv("TUBETRACK_SOAK_FAULT");
+    if (!only) return random_faults(seconds);
+    std::ostringstream script;
+    for (int frame = 60; only != std::string("none") && frame < seconds * 30.0 * kSpeed; frame += 60)
+      script << frame << ' ' << only << '\n';
+    return script.str();
+  }
+
   /// Faults for `seconds` at ten times the speed, one after some hundred frames each.
   static std::string random_faults(double seconds) {
     std::mt19937 random(5);
@@ -121,8 +132,8 @@ std::int64_t count_faults(const std::string& script) {
 
 TEST_F(Soak, NothingGrowsNothingHangsAndEveryFrameIsThereOrCounted) {
   const fs::path scene = small_scene();
-  const std::string faults = random_faults(soak_s());
-  play_on_its_own(std::to_string(kSpeed), faults);
+  const std::string script = faults(soak_s());
+  play_on_its_own(std::to_string(kSpeed), script);
   setenv("TUBETRACK_VIRTUAL_DEVICE", scene.c_str(), 1);
   const pid_t pid = start({"live", "--silence", "2", "--no-timing", "--status-every", "60", "--out", lines()}, folder_);
   double early_mb = 0.0;
@@ -167,7 +178,7 @@ TEST_F(Soak, NothingGrowsNothingHangsAndEveryFrameIsThereOrCounted) {
   // Frames newer than the last line may be dropped, and counted, before it is written.
   EXPECT_LE(uncounted, 0);
   EXPECT_GE(uncounted, -30);
-  EXPECT_LE(corrupt, 3 * count_faults(faults)) << "a fault spoils three frames at the most";
+  EXPECT_LE(corrupt, 3 * count_faults(script)) << "a fault spoils three frames at the most";
   const std::string said = errors();
   const std::size_t totals = said.rfind("\nframes ");
   std::printf(

@@ -89,6 +89,15 @@ TEST(BendStudy, BendsSeenFromOneSideAreMeasured) {
   expect_goals(true);
 }
 
+// Faces stand in patterns: told by every k-th of them the least radius was too large, and these tubes fell into pieces.
+// pieces.
+TEST(BendStudy, AMeshsLeastRadiusIsToldByAllOfItsFaces) {
+  for (const std::uint64_t seed : {47, 72, 135}) {
+    const BendStudy study = study_bends(seed, 1, false);
+    EXPECT_EQ(study.right, 1) << "seed " << seed;
+  }
+}
+
 TEST(PaperTable, SmallScansMeetTheGoalsOfLargeOnes) {
   constexpr double kTimes = 0.1;  // of the faces
   std::vector<PaperScan> scans = robustness_scans(kTimes);

@@ -120,7 +120,7 @@ struct Ridge {
   }
 };
 
-// By the places of the noisy points themselves it would lie 1 mm too low there.
+// By the places of the noisy points themselves the last of the four strips lies 0.8 mm too low.
 TEST(PlaneMap, AFlankThatFacesAwayFromTheCameraLiesWhereItIsInSpiteOfNoise) {
   std::mt19937 random(3);
   constexpr double kSigma_m = 0.0017;
@@ -128,8 +128,8 @@ TEST(PlaneMap, AFlankThatFacesAwayFromTheCameraLiesWhereItIsInSpiteOfNoise) {
   const SupportPlane plane{pose.linear().transpose() * Eigen::Vector3d::UnitZ(), -pose.translation().z()};
   PlaneMap map = make_plane_map(plane, pose, Ridge::seen(kSigma_m, random), 0.0015);
   for (int i = 0; i < 20; ++i) fuse(map, Ridge::seen(kSigma_m, random), {}, pose);
-  std::array<double, 3> sum_m{};
-  std::array<int, 3> count{};
+  std::array<double, 4> sum_m{};
+  std::array<int, 4> count{};
   for (int row = 0; row < map.height; ++row) {
     for (int col = 0; col < map.width; ++col) {
       const float height_m = map.height_m[static_cast<std::size_t>(row) * static_cast<std::size_t>(map.width) +
@@ -138,14 +138,14 @@ TEST(PlaneMap, AFlankThatFacesAwayFromTheCameraLiesWhereItIsInSpiteOfNoise) {
           map.world_from_plane * Eigen::Vector3d((map.first_col + col + 0.5) * map.cell_m,
                                                  (map.first_row + row + 0.5) * map.cell_m, -height_m);
       const double away = -point.y() / Ridge::kRadius_m;  // of the camera; its silhouette is at 0.71
-      if (std::isnan(height_m) || std::abs(point.x()) > 0.1 || away < -0.4 || away >= 0.2) continue;
+      if (std::isnan(height_m) || std::abs(point.x()) > 0.1 || away < -0.4 || away >= 0.4) continue;
       const auto bin = static_cast<std::size_t>((away + 0.4) / 0.2);
       sum_m[bin] += point.tail<2>().norm() - Ridge::kRadius_m;
       ++count[bin];
     }
   }
   for (std::size_t bin = 0; bin < sum_m.size(); ++bin) {
-    EXPECT_GT(count[bin], 250) << bin;
+    EXPECT_GT(count[bin], 120) << bin;
     EXPECT_NEAR(sum_m[bin] / count[bin], 0.0, 0.00015) << bin;
   }
 }

@@ -114,15 +114,20 @@ TEST(Nominal, EachNominalTubeGetsATubeOfItsOwn) {
   EXPECT_FALSE(compared[2].within(1.0));
 }
 
+const std::vector<TubeJoint> kJoints{
+    {{0.1, 0.2, 0.3}, {{7, TubeJoint::At::end, 0.52}, {8, TubeJoint::At::flank, 0.25}}}};
+
+std::vector<NominalComparison> one_good_and_one_not() {
+  const std::vector<NominalTube> nominal{nominal_of(tube_of(chain()), true), {2, {{0, 0, 0}, {1, 0, 0}}}};
+  return compare_with_nominal(nominal, std::vector{tube_of(chain())});
+}
+
 TEST(ScanLine, JointsAndNominalTubesKeepToTheSchema) {
   const test::TemporaryFolder folder;
   TubeFrame frame;
   frame.frame_id = "scan";
-  const std::vector<NominalTube> nominal{nominal_of(tube_of(chain()), true), {2, {{0, 0, 0}, {1, 0, 0}}}};
-  const auto compared = compare_with_nominal(nominal, std::vector{tube_of(chain())});
-  const std::vector<TubeJoint> joints{
-      {{0.1, 0.2, 0.3}, {{7, TubeJoint::At::end, 0.52}, {8, TubeJoint::At::flank, 0.25}}}};
-  const std::vector<std::string> lines{scan_result_line(frame, false, {joints, compared, 0.0005}),
+  const auto compared = one_good_and_one_not();
+  const std::vector<std::string> lines{scan_result_line(frame, false, {kJoints, compared, 0.0005}),
                                        scan_result_line(frame, false, {{}, compared, std::nullopt})};
   EXPECT_EQ(test::schema_complaints(lines, folder.path()), "");
   EXPECT_THAT(lines[0],
@@ -135,18 +140,15 @@ TEST(ScanLine, JointsAndNominalTubesKeepToTheSchema) {
 TEST(ScanLine, IsReadBackWithItsJointsAndNominalTubes) {
   TubeFrame frame;
   frame.frame_id = "scan";
-  const std::vector<NominalTube> nominal{nominal_of(tube_of(chain()), true), {2, {{0, 0, 0}, {1, 0, 0}}}};
-  const auto compared = compare_with_nominal(nominal, std::vector{tube_of(chain())});
-  const std::vector<TubeJoint> joints{
-      {{0.1, 0.2, 0.3}, {{7, TubeJoint::At::end, 0.52}, {8, TubeJoint::At::flank, 0.25}}}};
-  for (const std::string& line : {scan_result_line(frame, false, {joints, compared, 0.0005}),
+  const auto compared = one_good_and_one_not();
+  for (const std::string& line : {scan_result_line(frame, false, {kJoints, compared, 0.0005}),
                                   scan_result_line(frame, false, {{}, compared, std::nullopt}),
-                                  scan_result_line(frame, false, {joints, {}, std::nullopt})}) {
+                                  scan_result_line(frame, false, {kJoints, {}, std::nullopt})}) {
     const auto read = parse_scan_line(line);
     ASSERT_TRUE(read) << read.error().message;
     EXPECT_EQ(scan_result_line(read->frame, false, {read->joints, read->nominal, read->tolerance_m}), line);
   }
-  std::string wrong = scan_result_line(frame, false, {joints, {}, std::nullopt});
+  std::string wrong = scan_result_line(frame, false, {kJoints, {}, std::nullopt});
   wrong.replace(wrong.find("flank"), 5, "shore");
   const auto read = parse_scan_line(wrong);
   ASSERT_FALSE(read);

@@ -33,7 +33,7 @@ template <typename T>
 using RecycledVector = std::vector<T, RecyclingAllocator<T>>;
 
 /// An Eigen matrix or vector of any size with such memory; Eigen's own asks the system. Assigning to it gives it the
-/// size of what is assigned, which may be made of itself.
+/// size of what is assigned, which may be made of itself; through noalias() it must have that size already.
 template <typename Plain>
 class Recycled : public Eigen::Map<Plain> {
   using Map = Eigen::Map<Plain>;
