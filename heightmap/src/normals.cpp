@@ -61,6 +61,7 @@ std::span<const Surfel> SurfelFinder::find(const HeightMap& map, const NoiseMode
     prepare(map, workers.count(), s.work);
     s.tiles.start(map);
     s.surfels.reserve(map.rays.size());
+    s.with_strips.reserve(map.rays.size());
   }
   const SurfelRule rule(map.intrinsics, s.work.longest_ray2, noise, options);
   const EdgeRule edge_rule(noise, map.intrinsics.fx_px);
@@ -73,7 +74,6 @@ std::span<const Surfel> SurfelFinder::find(const HeightMap& map, const NoiseMode
   if (options.widest_strip_px <= 0.0) return s.surfels;
   // Where there are both, what the surface itself says counts.
   const auto strips = strip_surfels(map, s.work.heights, s.work.fits.edges, rule.noise, options, skip, s.strips);
-  s.with_strips.reserve(map.rays.size() / 4);
   if (strips.empty()) return s.surfels;
   s.with_strips.clear();
   std::ranges::set_union(s.surfels, strips, std::back_inserter(s.with_strips), {}, &Surfel::cell, &Surfel::cell);
