@@ -21,7 +21,9 @@ constexpr int kFramesOnTrial = 10;
 constexpr int kFramesBetweenTrials = 8;
 constexpr int kBestStanding = 20;  // ten frames beside a hand do not undo it
 constexpr double kSureTaper = 0.02;
-constexpr double kHook = 0.4;  // spans
+constexpr double kConfirming = 0.85;
+constexpr double kShort = 5.0;  // diameters
+constexpr double kHook = 0.4;   // spans
 constexpr double kFastest_m_s = 0.75;
 
 RecycledVector<Eigen::Vector3d> samples_of(const TubeModel& model, const Extent& extent) {
@@ -175,6 +177,13 @@ void take_in_fresh(KnownTubes& known, FoundTube found, const HeightMap& map, con
   known.tubes.push_back(std::move(fresh));
 }
 
+/// A finger that moves is a tube for a frame or two, but less surely than those that are one (docs/accuracy.md); a
+/// forearm is one for more frames, but a short one.
+bool is_sure(const FollowedTube& tube, double length_m) {
+  const bool is_short = length_m < kShort * 2.0 * tube.model.radius_m;
+  return tube.standing >= (is_short ? 8 : 2) && confidence_of(tube) > kConfirming;
+}
+
 }  // namespace
 
 void take_in(KnownTubes& known, RecycledVector<FoundTube> found, HeightMap& map, const TrackerConfig& config,
@@ -240,7 +249,7 @@ void confirm_or_forget(KnownTubes& known, HeightMap& map, const TrackerConfig& c
     const bool denied = why_no_tube(now_found, config).has_value();
     show_again(map, hidden);
     tube.standing = std::min(kBestStanding, tube.standing + (denied ? -2 : 1));
-    tube.confirmed = tube.confirmed || tube.standing >= 2;
+    tube.confirmed = tube.confirmed || is_sure(tube, now_found.evidence.length_m);
   }
   std::erase_if(known.tubes, [](const FollowedTube& tube) { return tube.standing < 0; });
 }
