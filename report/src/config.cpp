@@ -170,7 +170,8 @@ auto guarded(const std::string& text, const std::string& name, Read&& read) -> E
   } catch (const Refusal& refusal) {
     return tl::make_unexpected(Error::usage(fmt::format("{}: {}", name, refusal.message)));
   } catch (const Json::exception& problem) {
-    return tl::make_unexpected(Error::usage(fmt::format("{}: is no JSON: {}", name, problem.what())));
+    const std::string_view what = problem.what();  // after the library's own "[json.exception.…] "
+    return tl::make_unexpected(Error::usage(fmt::format("{}: is no JSON: {}", name, what.substr(what.find(' ') + 1))));
   }
 }
 

@@ -140,7 +140,7 @@ TEST_F(NoiseModelFile, RefusesWithFieldWhatItGotAndWhatItTakes) {
   EXPECT_THAT(refusal(R"({"baseline_focal_m_px": 0})"), HasSubstr("baseline_focal_m_px: got 0, takes metres × pixels"));
   EXPECT_THAT(refusal(R"({"axial_constant_m": 0, "disparity_step_px": 0})"), HasSubstr("more than 0 metres"));
   EXPECT_THAT(refusal(R"("kinect1")"), HasSubstr("takes one JSON object"));
-  EXPECT_THAT(refusal("{"), HasSubstr("is no JSON"));
+  EXPECT_THAT(refusal("{"), HasSubstr("is no JSON: parse error at line 1, column 2"));
 }
 
 }  // namespace
