@@ -43,6 +43,7 @@ struct Options {
   bool peers = false;
   bool list = false;
   std::string page;
+  std::string intervals;
   About about;
 };
 
@@ -99,10 +100,11 @@ std::vector<Method> methods_of(const Options& options) {
   return methods;
 }
 
-void write_page(const Options& options, const Report& report) {
-  std::ofstream file(options.page);
-  file << page(report);
-  if (!file.flush()) throw std::runtime_error(options.page + ": can't be written");
+void write_page(const std::string& path, const std::string& text) {
+  if (path.empty()) return;
+  std::ofstream file(path);
+  file << text;
+  if (!file.flush()) throw std::runtime_error(path + ": can't be written");
 }
 
 void run(const Options& options) {
@@ -124,7 +126,8 @@ void run(const Options& options) {
     report.ablation = run_ablation(options.ablation, first_seed(options), options.jobs, progress_of("noise in parts"));
     for (const AblationStep& step : report.ablation) fmt::print("{}", plain_line(step.noise, "single", step.figures));
   }
-  if (!options.page.empty()) write_page(options, report);
+  write_page(options.page, page(report));
+  write_page(options.intervals, intervals_page(report));
 }
 
 void add_options(CLI::App& app, Options& options) {
@@ -153,6 +156,7 @@ void add_options(CLI::App& app, Options& options) {
   app.add_flag("--peers", options.peers, "run PCL and CGAL on the same single frames, where built in");
   app.add_flag("--list", options.list, "list the rows");
   app.add_option("--page", options.page, "also write the tables in Markdown to this file");
+  app.add_option("--intervals", options.intervals, "also write how far the intervals hold, in Markdown, to this file");
   app.add_option("--command", options.about.command, "for the page: the command that makes it");
   app.add_option("--commit", options.about.commit, "for the page");
   app.add_option("--cpu", options.about.cpu, "for the page");

@@ -5,6 +5,7 @@
 #include <iterator>
 #include <limits>
 #include <numeric>
+#include <utility>
 
 namespace tubetrack::bench {
 
@@ -44,8 +45,13 @@ template <class OfNode, class OfTube>
 Calibration within(const Calibration& all, double from, double to, OfNode of_node, OfTube of_tube) {
   const auto inside = [&](double value) { return value >= from && value < to; };
   Calibration some;
-  std::ranges::copy_if(all.nodes, std::back_inserter(some.nodes),
-                       [&](const NodeError& n) { return inside(of_node(n)); });
+  bool first = false;
+  for (const NodeError& node : all.nodes) {
+    first = first || node.first;
+    if (!inside(of_node(node))) continue;
+    some.nodes.push_back(node);
+    some.nodes.back().first = std::exchange(first, false);
+  }
   std::ranges::copy_if(all.tubes, std::back_inserter(some.tubes),
                        [&](const TubeError& t) { return inside(of_tube(t)); });
   return some;

@@ -56,22 +56,22 @@ std::string piece_text(const Report& report) {
       report.about.bound_piece_diameters, number(0.5 * smoothing_radii(usual), 1));
 }
 
-std::string head(const Report& report) {
+}  // namespace
+
+std::string page_head(const char* title, const Report& report) {
   std::string methods;
   for (std::size_t i = 1; i < report.methods.size(); ++i) methods += (i == 1 ? "" : ", ") + report.methods[i];
   return fmt::format(
-      "# How accurate tubetrack is\n\nWritten by `{}`; don't edit.\n\n"
+      "# {}\n\nWritten by `{}`; don't edit.\n\n"
       "| | |\n| --- | --- |\n| commit | {} |\n| compiler | {} |\n| CPU | {} |\n| suite | {}, seeds "
       "from {} "
       "|\n| peers | {} |\n\n",
-      report.about.command, report.about.commit, compiler(), report.about.cpu, report.about.suite,
+      title, report.about.command, report.about.commit, compiler(), report.about.cpu, report.about.suite,
       report.about.first_seed, methods.empty() ? "not run (`--peers`)" : methods);
 }
 
-}  // namespace
-
 std::string page(const Report& report) {
-  std::string text = head(report);
+  std::string text = page_head("How accurate tubetrack is", report);
   const auto section = [&](const char* title, const char* before, const std::string& table) {
     fmt::format_to(std::back_inserter(text), "## {}\n\n{}{}\n", title, before, table);
   };

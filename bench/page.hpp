@@ -40,6 +40,10 @@ struct Report {
 
 /// docs/accuracy.md.
 std::string page(const Report& report);
+/// docs/intervals.md.
+std::string intervals_page(const Report& report);
+/// A title, and how the page was made.
+std::string page_head(const char* title, const Report& report);
 
 // Its tables (page_tables.cpp).
 std::string goals_table(const Report& report);

@@ -31,7 +31,7 @@ Expected<void> fuse_frame(const DepthFrame& frame, const TrackerConfig& config, 
   const HeightMapLimits limits{config.depth_min_m, config.depth_max_m,  config.roi_u_px,
                                config.roi_v_px,    config.roi_width_px, config.roi_height_px};
   update(readings, frame, config.noise, limits, false);
-  readings.at_disparity_levels = lies_at_disparity_levels(frame, config.noise);
+  readings.at_disparity_levels = lies_at_disparity_levels(frame, config.noise).value_or(readings.at_disparity_levels);
   const Eigen::Isometry3d pose = frame.world_from_camera.value_or(Eigen::Isometry3d::Identity());
   if (fused.fused == 0) {
     const auto plane = largest_plane(readings);

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <optional>
 #include <random>
 
 #include "tubetrack/sensors/disparity_levels.hpp"
@@ -35,10 +36,11 @@ struct Even {
   }
 };
 
-/// A frame of random depths from 0.8 m to 2 m, rounded to disparity levels or not, in millimetres.
-std::vector<std::uint16_t> random_depths(bool at_levels, const NoiseModel& noise) {
+/// A frame of random depths, rounded to disparity levels or not, in millimetres.
+std::vector<std::uint16_t> random_depths(bool at_levels, const NoiseModel& noise, double from_m = 0.8,
+                                         double to_m = 2.0) {
   std::mt19937_64 random(3);
-  std::uniform_real_distribution<double> depth(0.8, 2.0);
+  std::uniform_real_distribution<double> depth(from_m, to_m);
   std::vector<std::uint16_t> pixels(640 * 480);
   for (std::uint16_t& pixel : pixels) {
     const double z = depth(random);
@@ -52,12 +54,23 @@ TEST(DisparityLevels, ShowInAFrameThatHasThemAndInNoOther) {
   const NoiseModel noise;
   const auto levels = random_depths(true, noise);
   const auto others = random_depths(false, noise);
-  EXPECT_TRUE(lies_at_disparity_levels({levels.data(), 640, 480, 1280, 0.001}, noise));
-  EXPECT_FALSE(lies_at_disparity_levels({others.data(), 640, 480, 1280, 0.001}, noise));
+  EXPECT_EQ(lies_at_disparity_levels({levels.data(), 640, 480, 1280, 0.001}, noise), true);
+  EXPECT_EQ(lies_at_disparity_levels({others.data(), 640, 480, 1280, 0.001}, noise), false);
   NoiseModel without;
   without.disparity_step_px = 0.0;
-  EXPECT_FALSE(lies_at_disparity_levels({levels.data(), 640, 480, 1280, 0.001}, without));
-  EXPECT_FALSE(lies_at_disparity_levels({levels.data(), 100, 10, 200, 0.001}, noise)) << "too few to tell";
+  EXPECT_EQ(lies_at_disparity_levels({levels.data(), 640, 480, 1280, 0.001}, without), false);
+  EXPECT_EQ(lies_at_disparity_levels({levels.data(), 100, 10, 200, 0.001}, noise), std::nullopt) << "too few to tell";
+}
+
+TEST(DisparityLevels, ShowInAFrameOfNearThings) {
+  const NoiseModel noise;
+  const auto levels = random_depths(true, noise, 0.35, 0.70);
+  const auto others = random_depths(false, noise, 0.35, 0.70);
+  EXPECT_EQ(lies_at_disparity_levels({levels.data(), 640, 480, 1280, 0.001}, noise), true);
+  EXPECT_EQ(lies_at_disparity_levels({others.data(), 640, 480, 1280, 0.001}, noise), false);
+  const auto nearer = random_depths(true, noise, 0.35, 0.58);
+  EXPECT_EQ(lies_at_disparity_levels({nearer.data(), 640, 480, 1280, 0.001}, noise), std::nullopt)
+      << "every millimetre has a level there";
 }
 
 TEST(HeightMap, AFirstReadingIsTakenWithTheSensorsNoise) {

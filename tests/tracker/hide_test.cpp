@@ -48,6 +48,32 @@ TEST(Hide, AllReadingsThatAgreeWithTheOtherAreTakenOutAndComeBackBitForBit) {
   EXPECT_TRUE(hidden.empty());
 }
 
+// At its edge most readings are missing or lie between two depths, and what is beside it is mixed all the same.
+TEST(Hide, ThePixelsAroundTheOthersOutlineGoWhateverIsReadOnIt) {
+  Looked looked = look_at_a_tube();
+  Looked edgeless = look_at_a_tube();
+  for (float& depth_m : looked.map.depth_m) depth_m = depth_m > 0.0F ? depth_m : 0.82F;
+  edgeless.map.depth_m = looked.map.depth_m;
+  for (const PredictedPixel& pixel : edgeless.pixels) {
+    if (pixel.margin_px < 1.0F) edgeless.map.depth_m[pixel.cell] = pixel.cell % 2 == 0 ? 0.0F : 0.815F;
+  }
+  HiddenCells hidden;
+  hide_from(nullptr, {looked.model, looked.extent, looked.pixels}, looked.map, hidden);
+  hide_from(nullptr, {edgeless.model, edgeless.extent, edgeless.pixels}, edgeless.map, hidden);
+  for (std::size_t cell = 0; cell < looked.map.depth_m.size(); ++cell) {
+    if (looked.map.depth_m[cell] >= 0.0F) continue;
+    EXPECT_LE(edgeless.map.depth_m[cell], 0.0F) << "cell " << cell;
+  }
+}
+
+TEST(Hide, WhatHidesTheOtherStays) {
+  Looked looked = look_at_a_tube();
+  std::ranges::fill(looked.map.depth_m, 0.5F);
+  HiddenCells hidden;
+  hide_from(nullptr, {looked.model, looked.extent, looked.pixels}, looked.map, hidden);
+  EXPECT_TRUE(hidden.empty());
+}
+
 TEST(Hide, WhatIsSeenInFrontOfTheOtherStays) {
   Looked looked = look_at_a_tube();
   TubeModel nearer = looked.model;

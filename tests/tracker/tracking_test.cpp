@@ -121,6 +121,35 @@ TEST(Tracking, TubesThatTouchAndAreCrossedKeepTheirIdsAndTheirRadii) {
   EXPECT_LE(worst, 0.003);
 }
 
+/// A tube whose right flank is hidden by a thicker one that it touches: both lie on a table, left of where the camera
+/// looks down on it at 45°.
+Scene half_hidden_by_its_neighbor() {
+  const Eigen::Vector3d origin(0.0, 0.0, 0.80);
+  const Eigen::Vector3d up = Eigen::Vector3d(0.0, -1.0, -1.0).normalized();
+  const Eigen::Vector3d away = up.cross(Eigen::Vector3d::UnitX());
+  const double thin = 0.0185, thick = 0.0235;
+  const Eigen::Vector3d from(-0.12, 0.0, 0.0);
+  Scene scene;
+  scene.tubes = {straight(thin, origin + from + thin * up, away, 0.34),
+                 straight(thick, origin + from + 2.0 * std::sqrt(thin * thick) * Eigen::Vector3d::UnitX() + thick * up,
+                          away, 0.34)};
+  scene.solids = {{PlaneShape{origin, up}, {}}};
+  return scene;
+}
+
+// Its pixels beside the other's edge are mixed with the other's.
+TEST(Tracking, ATubeHalfHiddenByTheOneItTouchesIsNotTooThick) {
+  const Followed run = follow(half_hidden_by_its_neighbor(), 12);
+  const Tube* thin = nullptr;
+  for (const Tube& tube : run.results.back().tubes) {
+    if (!thin || tube.radius_m < thin->radius_m) thin = &tube;
+  }
+  ASSERT_NE(thin, nullptr);
+  const double error_m = thin->radius_m - 0.0185;
+  std::printf("half hidden by its neighbour: radius off by %+.3f mm\n", 1e3 * error_m);
+  EXPECT_LE(std::abs(error_m), 0.0001);
+}
+
 TEST(Tracking, ATubeInMotionKeepsItsIdAndItsAccuracy) {
   const Followed run = follow(*load_scene("moving-tube"), 12);
   const TubeScore score = score_from(run, 0);

@@ -188,7 +188,7 @@ void look(FollowedTube& tube, const HeightMap& map) {
     if (!agrees(station)) continue;
     ++seen;
     agree += station.agree;
-    expected += station.expected;
+    expected += station.expected - station.anothers;
   }
   tube.support = expected > 0 ? static_cast<double>(agree) / expected : 0.0;
   const bool enough = seen * station_m >= std::max(tube.model.radius_m, 0.010) && tube.support > 0.7;

@@ -56,7 +56,8 @@ Information resized(const Information& information, const RecycledColumn& parame
 }  // namespace
 
 bool agrees(const Station& station) {
-  return station.expected > 0 && 2 * station.agree >= station.expected;
+  const int own = station.expected - station.anothers;
+  return 3 * own > station.expected && 2 * station.agree >= own;
 }
 
 bool hidden(const Station& station) {

@@ -57,15 +57,20 @@ void hide_from(const SeenTube* mine, const SeenTube& other, HeightMap& map, Hidd
       mine ? std::span<const PredictedPixel>(mine->pixels) : std::span<const PredictedPixel>();
   auto at = own.begin();
   for (const PredictedPixel& pixel : other.pixels) {
+    if (pixel.t < other.extent.t_begin || pixel.t > other.extent.t_end) continue;
     const float depth_m = map.depth_m[pixel.cell];
-    if (depth_m <= 0.0F || pixel.t < other.extent.t_begin || pixel.t > other.extent.t_end) continue;
-    if (std::abs(depth_m - pixel.depth_m) > agreement_m(other.model, pixel)) continue;
+    const double behind_m = depth_m - pixel.depth_m;
+    const double agreement = agreement_m(other.model, pixel);
+    if (depth_m > 0.0F && behind_m < -agreement) continue;  // something nearer hides it here
+    const bool agrees = depth_m > 0.0F && behind_m <= agreement;
+    const bool on_outline = pixel.margin_px < 1.0F;
+    if (!agrees && !on_outline) continue;
     while (at != own.end() && at->cell < pixel.cell) ++at;
     const bool in_front = at != own.end() && at->cell == pixel.cell && at->depth_m <= pixel.depth_m &&
                           at->t >= mine->extent.t_begin && at->t <= mine->extent.t_end;
     if (in_front) continue;
-    take_out(map, pixel.cell, hidden);
-    if (pixel.margin_px < 1.0F) take_out_around(map, pixel.cell, hidden);
+    if (agrees) take_out(map, pixel.cell, hidden);
+    if (on_outline) take_out_around(map, pixel.cell, hidden);
   }
 }
 

@@ -65,9 +65,10 @@ double radius_difference_m(const FoundTube& a, const FoundTube& b) {
   return least;
 }
 
-bool like_radii(const FoundTube& a, const FoundTube& b) {
+/// Alike but for noise and so much of the radius.
+bool like_radii(const FoundTube& a, const FoundTube& b, double part) {
   const double sigma = std::hypot(a.quality.radius_sigma_m, b.quality.radius_sigma_m);
-  return radius_difference_m(a, b) < 4.0 * sigma + 0.04 * a.model.radius_m;
+  return radius_difference_m(a, b) < 4.0 * sigma + part * a.model.radius_m;
 }
 
 /// Does the camera look through where the tube should be, or see something flat there?
@@ -83,7 +84,7 @@ bool refuted(const RecycledVector<Station>& stations, const Extent& extent) {
 
 std::optional<FoundTube> join_pieces(const HeightMap& map, const TrackerConfig& config, const FoundTube& a,
                                      const FoundTube& b) {
-  if (a.held_radius_m || b.held_radius_m || !like_radii(a, b)) return std::nullopt;
+  if (a.held_radius_m || b.held_radius_m || !like_radii(a, b, 0.04)) return std::nullopt;
   const RecycledVector<Eigen::Vector3d> line = one_line(a, b);
   if (line.empty()) return std::nullopt;
   const bool a_longer = a.evidence.length_m > b.evidence.length_m;
@@ -104,6 +105,8 @@ std::optional<FoundTube> join_pieces(const HeightMap& map, const TrackerConfig& 
     if (!quality) return std::nullopt;
     joined.quality = std::move(*quality);
   }
+  // What pulls a joined fit away from a piece's radius, like the flank of a tube that it touches, is not this tube.
+  if (!like_radii(joined, a, 0.02) || !like_radii(joined, b, 0.02)) return std::nullopt;
   joined.extent = all;
   joined.joined = true;
   joined.pixels = predict_pixels(map, config.noise, joined.model);

@@ -174,7 +174,7 @@ const TubeFrame& TubeTracker::track(const DepthFrame& frame) {
   Stopwatch whole;
   Stopwatch stage;
   update(s.map, frame, s.config.noise, limits_of(s.config), !frame.world_from_camera, s.workers);
-  s.map.at_disparity_levels = lies_at_disparity_levels(frame, s.config.noise);
+  s.map.at_disparity_levels = lies_at_disparity_levels(frame, s.config.noise).value_or(s.map.at_disparity_levels);
   stage.lap(stages.update_ms);
 
   follow_known(frame);  // section 2.3, from where the last frame left each tube

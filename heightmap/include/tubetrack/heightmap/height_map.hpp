@@ -2,6 +2,7 @@
 
 #include <Eigen/Core>
 #include <cstdint>
+#include <optional>
 #include <vector>
 
 #include "tubetrack/heightmap/workers.hpp"
@@ -78,8 +79,8 @@ void update(HeightMap& map, const DepthFrame& frame, const NoiseModel& noise, co
 void update(HeightMap& map, const DepthFrame& frame, const NoiseModel& noise, const HeightMapLimits& limits, bool fuse);
 
 /// Are the frame's readings those of the noise model's disparity levels, rounded to the recording's unit? Asked of a
-/// few thousand readings where levels lie farther apart than units; false where there are too few.
-bool lies_at_disparity_levels(const DepthFrame& frame, const NoiseModel& noise);
+/// few thousand readings where levels lie farther apart than units; empty where there are too few to tell.
+std::optional<bool> lies_at_disparity_levels(const DepthFrame& frame, const NoiseModel& noise);
 
 /// The disparity levels that the map's readings come from; none where they lie at none.
 inline DisparityLevels levels_of_readings(const HeightMap& map, const NoiseModel& noise) {
