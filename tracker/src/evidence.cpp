@@ -69,7 +69,7 @@ bool goes_straight_on(const Rings& rings) {
 
 /// On the left (sign −1) or right (+1) of the tube, from the pixels of one as thick as the outermost ring.
 Beside beside(const HeightMap& map, const TubeModel& model, const Extent& extent,
-              const RecycledVector<PredictedPixel>& wide_pixels, double sign) {
+              const PredictedPixels& wide_pixels, double sign) {
   std::array<std::array<RecycledVector<double>, kRings>, kParts> depths;
   for (const PredictedPixel& pixel : wide_pixels) {
     const double lateral = kRingBorders.back() * sign * pixel.lateral;
@@ -134,7 +134,7 @@ void judge_beside(const Beside& beside, Side& side) {
 /// How far the surface agrees with the circle on one side, by bins of a 40th of the radius pooled along the tube, but
 /// for where something nearer hides it: that says nothing of where it ends.
 Side side_of(const HeightMap& map, const TubeModel& model, const RecycledVector<Station>& stations,
-             const Extent& extent, const RecycledVector<PredictedPixel>& predicted, double sign) {
+             const Extent& extent, const PredictedPixels& predicted, double sign) {
   constexpr int kBins = 40;
   const auto count = static_cast<int>(stations.size());
   std::array<int, kBins> expected{};
@@ -183,7 +183,7 @@ struct SurfaceSums {
   double depth_m = 0.0;
 };
 
-SurfaceSums sum_surface(const HeightMap& map, const TubeModel& model, const RecycledVector<PredictedPixel>& predicted,
+SurfaceSums sum_surface(const HeightMap& map, const TubeModel& model, const PredictedPixels& predicted,
                         const Extent& extent) {
   SurfaceSums sums;
   const double middle = 0.5 * (extent.t_begin + extent.t_end);
@@ -249,7 +249,7 @@ double support_of(const RecycledVector<Station>& stations, const Extent& extent)
 }  // namespace
 
 Evidence surface_evidence(const HeightMap& map, const NoiseModel& noise, const TubeModel& model,
-                          const RecycledVector<PredictedPixel>& predicted, const RecycledVector<Station>& stations,
+                          const PredictedPixels& predicted, const RecycledVector<Station>& stations,
                           const Extent& extent) {
   const SurfaceSums sums = sum_surface(map, model, predicted, extent);
   Evidence evidence;
@@ -275,7 +275,7 @@ void look_beside(const HeightMap& map, const NoiseModel& noise, const TubeModel&
   for (double& offset_m : wide.profile.offset_m) offset_m *= kRingBorders.back();
   // Medians of many pixels: of a wide tube, every so manieth will do.
   const int stride = std::clamp(static_cast<int>(evidence.width_px / 12.0), 1, 4);
-  const RecycledVector<PredictedPixel> pixels = predict_pixels(map, noise, wide, stride);
+  const PredictedPixels pixels = predict_pixels(map, noise, wide, stride);
   const std::array<Beside, 2> both{beside(map, model, extent, pixels, -1.0), beside(map, model, extent, pixels, 1.0)};
   const auto& [left, right] = both;
   evidence.edge_share = straight_share(both);
@@ -289,7 +289,7 @@ void look_beside(const HeightMap& map, const NoiseModel& noise, const TubeModel&
 }
 
 Evidence gather_evidence(const HeightMap& map, const NoiseModel& noise, const TubeModel& model,
-                         const RecycledVector<PredictedPixel>& predicted, const Extent& extent) {
+                         const PredictedPixels& predicted, const Extent& extent) {
   const auto stations = stations_of(map, model, predicted, station_length_m(map, model));
   Evidence evidence = surface_evidence(map, noise, model, predicted, stations, extent);
   if (evidence.width_px > 0.0) look_beside(map, noise, model, extent, evidence);

@@ -116,13 +116,13 @@ void try_again(const RecycledVector<Seed>& refused, RecycledVector<FoundTube>& t
 /// Withdraws the votes of every surfel on the tube.
 void withdraw_explained(AccumulationMap& votes, std::span<const Surfel> surfels, std::span<const CastVote> cast,
                         const FoundTube& tube, RecycledVector<bool>& withdrawn) {
-  const auto& pixels = tube.pixels;  // in cell order, as the surfels are
-  auto pixel = pixels.begin();
+  const PredictedPixels& pixels = tube.pixels;  // in cell order, as the surfels are
+  std::size_t at = 0;
   for (std::size_t i = 0; i < surfels.size(); ++i) {
-    while (pixel != pixels.end() && pixel->cell < surfels[i].cell) ++pixel;
-    if (pixel == pixels.end()) break;
-    if (pixel->cell != surfels[i].cell || withdrawn[i]) continue;
-    if (std::abs(surfels[i].position_m.z() - pixel->depth_m) > 0.5 * tube.model.radius_m + 4.0F * surfels[i].sigma_m)
+    while (at < pixels.size() && pixels.cell[at] < surfels[i].cell) ++at;
+    if (at == pixels.size()) break;
+    if (pixels.cell[at] != surfels[i].cell || withdrawn[i]) continue;
+    if (std::abs(surfels[i].position_m.z() - pixels.depth_m[at]) > 0.5 * tube.model.radius_m + 4.0F * surfels[i].sigma_m)
       continue;
     withdrawn[i] = true;
     votes.withdraw(cast[i].record);

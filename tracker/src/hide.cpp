@@ -53,16 +53,15 @@ bool in_one_line(const FollowedTube& a, const FollowedTube& b) {
 }
 
 void hide_from(const SeenTube* mine, const SeenTube& other, HeightMap& map, HiddenCells& hidden) {
-  const std::span<const PredictedPixel> own =
-      mine ? std::span<const PredictedPixel>(mine->pixels) : std::span<const PredictedPixel>();
-  auto at = own.begin();
+  const std::size_t own = mine ? mine->pixels.size() : 0;
+  std::size_t at = 0;
   for (const PredictedPixel& pixel : other.pixels) {
     const float depth_m = map.depth_m[pixel.cell];
     if (depth_m <= 0.0F || pixel.t < other.extent.t_begin || pixel.t > other.extent.t_end) continue;
     if (std::abs(depth_m - pixel.depth_m) > agreement_m(other.model, pixel)) continue;
-    while (at != own.end() && at->cell < pixel.cell) ++at;
-    const bool in_front = at != own.end() && at->cell == pixel.cell && at->depth_m <= pixel.depth_m &&
-                          at->t >= mine->extent.t_begin && at->t <= mine->extent.t_end;
+    while (at < own && mine->pixels.cell[at] < pixel.cell) ++at;
+    const bool in_front = at < own && mine->pixels.cell[at] == pixel.cell && mine->pixels.depth_m[at] <= pixel.depth_m &&
+                          mine->pixels.t[at] >= mine->extent.t_begin && mine->pixels.t[at] <= mine->extent.t_end;
     if (in_front) continue;
     take_out(map, pixel.cell, hidden);
     if (pixel.margin_px < 1.0F) take_out_around(map, pixel.cell, hidden);

@@ -1,6 +1,12 @@
 #include "predict_row.hpp"
 
+#include <cstddef>
+#include <cstdint>
 #include <limits>
+#include <vector>
+
+#include "tubetrack/tracker/predict.hpp"
+#include "tubetrack/tracker/recycled.hpp"
 
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "predict_row.cpp"
@@ -107,24 +113,46 @@ HWY_INLINE V SigmaAt(const NoiseModel& m, double focal_px, V depth, V cosine) {
   return hn::Sqrt(hn::Add(hn::Add(hn::Mul(gauss, gauss), rounding), lateral2));
 }
 
-/// The reading is of a point up to a pixel beside its ray: the mean over a curved surface lies behind the surface by
-/// half its second derivative times the jitter's variance.
-void JudgeRow(const NoiseModel& noise, double focal_px, double radius_m, int begin, int end, PredictedRow& row) {
+void TakeRow(const NoiseModel& noise, double focal_px, double radius_m, int begin, int end, std::size_t first_cell,
+             int stride, PredictedRow& row, PredictedPixels& pixels) {
   const D d;
+  const hn::RebindToUnsigned<D> du;
   const V one = Number(1.0);
   const V radius = Number(radius_m);
+  const V not_met = hn::Inf(d);
+  std::size_t count = pixels.count;
   for (int i = begin; i < end; i += static_cast<int>(hn::Lanes(d))) {
     const V depth = hn::LoadU(d, row.depth_m.data() + i);
+    const auto met = hn::And(hn::Lt(depth, not_met), hn::FirstN(d, static_cast<std::size_t>(end - i)));
+    if (hn::AllFalse(d, met)) continue;
+    const auto take = [&](const V& value, RecycledVector<float>& column)
+                          HWY_ATTR { hn::StoreU(hn::Compress(value, met), d, column.data() + count); };
     const V lateral = hn::LoadU(d, row.lateral.data() + i);
+    const V cosine = hn::LoadU(d, row.cos_incidence.data() + i);
+    const V across = hn::LoadU(d, row.across.data() + i);
     const V pixel = hn::Mul(depth, Number(1.0 / focal_px));
+    // The reading is of a point up to a pixel beside its ray: the mean over a curved surface lies behind the surface
+    // by half its second derivative times the jitter's variance.
     const V cos_section = hn::Sqrt(hn::Max(Number(0.1), hn::Sub(one, hn::Mul(lateral, lateral))));
     const V jitter = hn::Mul(pixel, Number(noise.lateral_px));
-    const V curve = hn::Mul(hn::Mul(hn::Mul(cos_section, cos_section), hn::Mul(cos_section, radius)),
-                            hn::LoadU(d, row.across.data() + i));
-    hn::StoreU(hn::Div(hn::Mul(hn::Sub(one, hn::Abs(lateral)), radius), pixel), d, row.margin_px.data() + i);
-    hn::StoreU(hn::Div(hn::Mul(Number(0.5), hn::Mul(jitter, jitter)), curve), d, row.jitter_bias_m.data() + i);
-    hn::StoreU(SigmaAt(noise, focal_px, depth, hn::LoadU(d, row.cos_incidence.data() + i)), d, row.sigma_m.data() + i);
+    const V curve = hn::Mul(hn::Mul(hn::Mul(cos_section, cos_section), hn::Mul(cos_section, radius)), across);
+    const auto cell = hn::Add(hn::Set(du, static_cast<std::uint32_t>(first_cell)),
+                              hn::Mul(hn::Iota(du, static_cast<std::uint32_t>(i)),
+                                      hn::Set(du, static_cast<std::uint32_t>(stride))));
+    hn::StoreU(hn::Compress(cell, hn::RebindMask(du, met)), du, pixels.cell.data() + count);
+    take(depth, pixels.depth_m);
+    take(hn::LoadU(d, row.t.data() + i), pixels.t);
+    take(cosine, pixels.cos_incidence);
+    take(lateral, pixels.lateral);
+    take(hn::LoadU(d, row.axis_depth_m.data() + i), pixels.axis_depth_m);
+    take(across, pixels.across);
+    take(hn::Div(hn::Mul(hn::Sub(one, hn::Abs(lateral)), radius), pixel), pixels.margin_px);
+    take(hn::Div(hn::Mul(Number(0.5), hn::Mul(jitter, jitter)), curve), pixels.jitter_bias_m);
+    take(SigmaAt(noise, focal_px, depth, cosine), pixels.sigma_m);
+    hn::StoreU(hn::IfThenElse(met, not_met, depth), d, row.depth_m.data() + i);
+    count += hn::CountTrue(d, met);
   }
+  pixels.count = count;
 }
 
 }  // namespace
@@ -136,14 +164,14 @@ HWY_AFTER_NAMESPACE();
 namespace tubetrack {
 
 HWY_EXPORT(IntersectRow);
-HWY_EXPORT(JudgeRow);
+HWY_EXPORT(TakeRow);
 
 PredictedRow make_row(int pixels) {
   constexpr std::size_t kLanes = 16;
   const std::size_t size = static_cast<std::size_t>(pixels) + kLanes;
   PredictedRow row;
-  for (std::vector<float>* buffer : {&row.ray_x, &row.ray_y, &row.t, &row.cos_incidence, &row.lateral,
-                                     &row.axis_depth_m, &row.across, &row.margin_px, &row.jitter_bias_m, &row.sigma_m})
+  for (std::vector<float>* buffer :
+       {&row.ray_x, &row.ray_y, &row.t, &row.cos_incidence, &row.lateral, &row.axis_depth_m, &row.across})
     buffer->assign(size, 0.0F);
   row.depth_m.assign(size, std::numeric_limits<float>::infinity());
   return row;
@@ -153,8 +181,9 @@ void intersect_row(const RowPiece& piece, float radius_m, int begin, int end, Pr
   HWY_DYNAMIC_DISPATCH(IntersectRow)(piece, radius_m, begin, end, row);
 }
 
-void judge_row(const NoiseModel& noise, double focal_px, double radius_m, int begin, int end, PredictedRow& row) {
-  HWY_DYNAMIC_DISPATCH(JudgeRow)(noise, focal_px, radius_m, begin, end, row);
+void take_row(const NoiseModel& noise, double focal_px, double radius_m, int begin, int end, std::size_t first_cell,
+              int stride, PredictedRow& row, PredictedPixels& pixels) {
+  HWY_DYNAMIC_DISPATCH(TakeRow)(noise, focal_px, radius_m, begin, end, first_cell, stride, row, pixels);
 }
 
 }  // namespace tubetrack

@@ -1,8 +1,10 @@
 #pragma once
 
+#include <cstddef>
 #include <vector>
 
 #include "tubetrack/sensors/noise_model.hpp"
+#include "tubetrack/tracker/predict.hpp"
 
 namespace tubetrack {
 
@@ -24,7 +26,6 @@ struct PredictedRow {
   std::vector<float> ray_x, ray_y;
   std::vector<float> depth_m;  ///< infinite: the tube is not met
   std::vector<float> t, cos_incidence, lateral, axis_depth_m, across;
-  std::vector<float> margin_px, jitter_bias_m, sigma_m;
 };
 PredictedRow make_row(int pixels);
 
@@ -32,7 +33,9 @@ PredictedRow make_row(int pixels);
 /// `end`.
 void intersect_row(const RowPiece& piece, float radius_m, int begin, int end, PredictedRow& row);
 
-/// margin_px, jitter_bias_m and sigma_m from the others. Where the tube is not met they mean nothing.
-void judge_row(const NoiseModel& noise, double focal_px, double radius_m, int begin, int end, PredictedRow& row);
+/// Appends what pixels `begin` to below `end` of the row met, with margin_px, jitter_bias_m and sigma_m, and makes the
+/// row ready for the next one. Its pixel 0 is cell `first_cell`, the next `stride` cells on. There must be room.
+void take_row(const NoiseModel& noise, double focal_px, double radius_m, int begin, int end, std::size_t first_cell,
+              int stride, PredictedRow& row, PredictedPixels& pixels);
 
 }  // namespace tubetrack
