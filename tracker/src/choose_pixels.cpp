@@ -4,6 +4,7 @@
 #include <cstddef>
 #include <cstdint>
 
+#include "stretch_sums.hpp"
 #include "tubetrack/sensors/disparity_levels.hpp"
 #include "tubetrack/tracker/predict.hpp"
 #include "tubetrack/tracker/recycled.hpp"
@@ -57,6 +58,12 @@ HWY_INLINE VD DepthOfLevel(const DisparityLevels& levels, VD reading) {
   return hn::IfThenElse(too_near, reading, depth);
 }
 
+/// Are those from `i` on, as many as a vector holds, neighbours in a row of the image?
+HWY_INLINE bool AreNeighbours(const PredictedPixels& pixels, std::size_t i) {
+  const std::size_t last = i + hn::Lanes(DD()) - 1;
+  return last < pixels.count && pixels.cell[last] - pixels.cell[i] == last - i;
+}
+
 void ChoosePixels(const PixelChoice& choice, const PredictedPixels& pixels, ChosenPixels& chosen) {
   const D d;
   const DD dd;
@@ -64,22 +71,31 @@ void ChoosePixels(const PixelChoice& choice, const PredictedPixels& pixels, Chos
   const DU du;
   const V zero = hn::Zero(d);
   const VD one = hn::Set(dd, 1.0);
+  const V spans = hn::Set(d, static_cast<float>(choice.stretches / kStretchesPerSpan));
   std::size_t count = 0;
   for (std::size_t i = 0; i < pixels.count; i += hn::Lanes(dd)) {
-    const VI cell = hn::BitCast(di, hn::LoadU(du, pixels.cell.data() + i));
     const V t = hn::LoadU(d, pixels.t.data() + i);
-    const auto here = hn::And(hn::FirstN(d, pixels.count - i), hn::And(hn::Ge(t, hn::Set(d, choice.t_begin)),
-                                                                      hn::Le(t, hn::Set(d, choice.t_end))));
+    const auto here = hn::And(hn::FirstN(d, pixels.count - i),
+                              hn::And(hn::Ge(t, hn::Set(d, choice.t_begin)), hn::Le(t, hn::Set(d, choice.t_end))));
     const auto seen = hn::And(hn::Ge(hn::LoadU(d, pixels.cos_incidence.data() + i), hn::Set(d, kCos75)),
                               hn::Ge(hn::LoadU(d, pixels.margin_px.data() + i), hn::Set(d, choice.least_margin_px)));
     const auto wanted = hn::And(here, seen);
     if (hn::AllFalse(d, wanted)) continue;
-    // What lies behind the last pixel may be anything.
-    const VI safe = hn::IfThenElseZero(hn::RebindMask(di, wanted), cell);
-    const V measured = hn::GatherIndex(d, choice.depth_m, safe);
+    V measured, direction_x, direction_y;
+    if (AreNeighbours(pixels, i)) {  // gathers take longer than all else
+      measured = hn::LoadU(d, choice.depth_m + pixels.cell[i]);
+      hn::LoadInterleaved2(d, choice.rays + std::size_t{2} * pixels.cell[i], direction_x, direction_y);
+    } else {
+      // What lies behind the last pixel may be anything.
+      const VI cell =
+          hn::IfThenElseZero(hn::RebindMask(di, wanted), hn::BitCast(di, hn::LoadU(du, pixels.cell.data() + i)));
+      measured = hn::GatherIndex(d, choice.depth_m, cell);
+      direction_x = hn::GatherIndex(d, choice.rays, hn::Add(cell, cell));
+      direction_y = hn::GatherIndex(d, choice.rays + 1, hn::Add(cell, cell));
+    }
     const V sigma = hn::LoadU(d, pixels.sigma_m.data() + i);
-    const VD depth = hn::Sub(DepthOfLevel(choice.levels, Doubles(measured)),
-                             Doubles(hn::LoadU(d, pixels.jitter_bias_m.data() + i)));
+    const VD depth =
+        hn::Sub(DepthOfLevel(choice.levels, Doubles(measured)), Doubles(hn::LoadU(d, pixels.jitter_bias_m.data() + i)));
     const VD off = hn::Abs(hn::Sub(depth, Doubles(hn::LoadU(d, pixels.depth_m.data() + i))));
     const VD noise = hn::Mul(hn::Set(dd, choice.sigmas), Doubles(sigma));
     const auto within = [&](double gate_m) HWY_ATTR {
@@ -89,28 +105,20 @@ void ChoosePixels(const PixelChoice& choice, const PredictedPixels& pixels, Chos
     const auto keep = hn::And(hn::And(wanted, hn::Gt(measured, zero)), within(choice.far_m));
     if (hn::AllFalse(d, keep)) continue;
     const auto is_near = hn::RebindMask(di, within(choice.near_m));
-    const VI whole = hn::ConvertTo(di, hn::Mul(hn::Max(t, zero), hn::Set(d, 1.0F * choice.stretches_per_span)));
+    const V begun = hn::Max(t, zero);
+    const VI whole = hn::ConvertTo(di, hn::Mul(begun, hn::Set(d, static_cast<float>(kStretchesPerSpan))));
     const VI stretch = hn::Min(whole, hn::Set(di, choice.stretches - 1));
-    const V per_span = hn::Set(d, 1.0F / choice.stretches_per_span);
     const VI span =
-        hn::IfThenElseZero(hn::RebindMask(di, keep), hn::ConvertTo(di, hn::Mul(hn::ConvertTo(d, stretch), per_span)));
+        hn::ConvertTo(di, hn::Mul(hn::ConvertTo(d, stretch), hn::Set(d, 1.0F / static_cast<float>(kStretchesPerSpan))));
     const VI place = hn::Add(hn::Add(stretch, stretch), hn::IfThenElseZero(is_near, hn::Set(di, 1)));
-    const VI ray = hn::Add(safe, safe);
-    const V direction_x = hn::GatherIndex(d, choice.rays, ray);
-    const V direction_y = hn::GatherIndex(d, choice.rays + 1, ray);
+    const V s = hn::Sub(hn::Min(begun, spans), hn::ConvertTo(d, span));
     const V depth_m = hn::DemoteTo(d, depth);
-    const V spans = hn::Set(d, 1.0F * (choice.stretches / choice.stretches_per_span));
-    const auto take = [&](const V& value, RecycledVector<float>& column)
-                          HWY_ATTR { hn::StoreU(hn::Compress(value, keep), d, column.data() + count); };
+    const V weight = hn::Div(hn::Set(d, 1.0F), hn::Mul(sigma, sigma));
+    const auto kept = [&](V value) HWY_ATTR { return hn::Compress(value, keep); };
     hn::StoreU(hn::Compress(hn::BitCast(du, place), hn::RebindMask(du, keep)), du, chosen.place.data() + count);
-    // In floats: a hundred-millionth of the depth off, by chance.
-    take(hn::Sub(hn::Mul(depth_m, direction_x), hn::GatherIndex(d, choice.origin_x_m, span)), chosen.x);
-    take(hn::Sub(hn::Mul(depth_m, direction_y), hn::GatherIndex(d, choice.origin_y_m, span)), chosen.y);
-    take(hn::Sub(depth_m, hn::GatherIndex(d, choice.origin_z_m, span)), chosen.z);
-    take(direction_x, chosen.direction_x);
-    take(direction_y, chosen.direction_y);
-    take(hn::Div(hn::Set(d, 1.0F), hn::Mul(sigma, sigma)), chosen.weight);
-    take(hn::Sub(hn::Min(hn::Max(t, zero), spans), hn::ConvertTo(d, span)), chosen.s);
+    hn::StoreInterleaved4(kept(hn::Mul(depth_m, direction_x)), kept(hn::Mul(depth_m, direction_y)), kept(depth_m),
+                          kept(weight), d, &chosen.points[count].x);
+    hn::StoreInterleaved4(kept(direction_x), kept(direction_y), hn::Set(d, 1.0F), kept(s), d, &chosen.rays[count].x);
     count += hn::CountTrue(d, keep);
   }
   chosen.count = count;
@@ -130,7 +138,8 @@ void ChosenPixels::make_room(std::size_t pixels) {
   const std::size_t room = pixels + kSpare;
   if (place.size() >= room) return;
   place.resize(room);
-  for (RecycledVector<float>* column : {&x, &y, &z, &direction_x, &direction_y, &weight, &s}) column->resize(room);
+  points.resize(room);
+  rays.resize(room);
 }
 
 void choose_pixels(const PixelChoice& choice, const PredictedPixels& pixels, ChosenPixels& chosen) {

@@ -3,20 +3,20 @@
 #include <cstddef>
 #include <cstdint>
 
+#include "stretch_sums.hpp"
 #include "tubetrack/sensors/disparity_levels.hpp"
 #include "tubetrack/tracker/predict.hpp"
 #include "tubetrack/tracker/recycled.hpp"
 
 namespace tubetrack {
 
-/// Readings of predicted pixels, side by side, ready to be sorted by stretch (`ObservationBlock` has the same numbers).
-/// Every column has room for a vector more than there are.
+/// Readings of predicted pixels, ready to be sorted by stretch. Every column has room for a vector more than there are.
 struct ChosenPixels {
   static constexpr std::size_t kSpare = 16;
 
-  RecycledVector<std::uint32_t> place;  ///< twice the number of the stretch, and 1 more for a reading that is near
-  RecycledVector<float> x, y, z;        ///< from the origin of the span, metres
-  RecycledVector<float> direction_x, direction_y, weight, s;
+  RecycledVector<std::uint32_t> place;   ///< twice the number of the stretch, and 1 more for a reading that is near
+  RecycledVector<ObservedPoint> points;  ///< from the camera
+  RecycledVector<ObservedRay> rays;
   std::size_t count = 0;
 
   void make_room(std::size_t pixels);
@@ -34,10 +34,6 @@ struct PixelChoice {
   float t_begin = 0.0F;
   float t_end = 0.0F;
   int stretches = 0;
-  int stretches_per_span = 1;
-  const float* origin_x_m = nullptr;  ///< of each span: where its places count from
-  const float* origin_y_m = nullptr;
-  const float* origin_z_m = nullptr;
 };
 
 /// Of the pixels those that may be fitted, in their order.

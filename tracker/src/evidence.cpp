@@ -68,8 +68,8 @@ bool goes_straight_on(const Rings& rings) {
 }
 
 /// On the left (sign −1) or right (+1) of the tube, from the pixels of one as thick as the outermost ring.
-Beside beside(const HeightMap& map, const TubeModel& model, const Extent& extent,
-              const PredictedPixels& wide_pixels, double sign) {
+Beside beside(const HeightMap& map, const TubeModel& model, const Extent& extent, const PredictedPixels& wide_pixels,
+              double sign) {
   std::array<std::array<RecycledVector<double>, kRings>, kParts> depths;
   for (const PredictedPixel& pixel : wide_pixels) {
     const double lateral = kRingBorders.back() * sign * pixel.lateral;

@@ -122,7 +122,8 @@ void withdraw_explained(AccumulationMap& votes, std::span<const Surfel> surfels,
     while (at < pixels.size() && pixels.cell[at] < surfels[i].cell) ++at;
     if (at == pixels.size()) break;
     if (pixels.cell[at] != surfels[i].cell || withdrawn[i]) continue;
-    if (std::abs(surfels[i].position_m.z() - pixels.depth_m[at]) > 0.5 * tube.model.radius_m + 4.0F * surfels[i].sigma_m)
+    if (std::abs(surfels[i].position_m.z() - pixels.depth_m[at]) >
+        0.5 * tube.model.radius_m + 4.0F * surfels[i].sigma_m)
       continue;
     withdrawn[i] = true;
     votes.withdraw(cast[i].record);

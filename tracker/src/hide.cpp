@@ -60,8 +60,9 @@ void hide_from(const SeenTube* mine, const SeenTube& other, HeightMap& map, Hidd
     if (depth_m <= 0.0F || pixel.t < other.extent.t_begin || pixel.t > other.extent.t_end) continue;
     if (std::abs(depth_m - pixel.depth_m) > agreement_m(other.model, pixel)) continue;
     while (at < own && mine->pixels.cell[at] < pixel.cell) ++at;
-    const bool in_front = at < own && mine->pixels.cell[at] == pixel.cell && mine->pixels.depth_m[at] <= pixel.depth_m &&
-                          mine->pixels.t[at] >= mine->extent.t_begin && mine->pixels.t[at] <= mine->extent.t_end;
+    const bool in_front = at < own && mine->pixels.cell[at] == pixel.cell &&
+                          mine->pixels.depth_m[at] <= pixel.depth_m && mine->pixels.t[at] >= mine->extent.t_begin &&
+                          mine->pixels.t[at] <= mine->extent.t_end;
     if (in_front) continue;
     take_out(map, pixel.cell, hidden);
     if (pixel.margin_px < 1.0F) take_out_around(map, pixel.cell, hidden);

@@ -1,5 +1,6 @@
 #include "observe.hpp"
 
+#include <algorithm>
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
@@ -27,36 +28,11 @@ float not_above(double value) {
   return -not_below(-value);
 }
 
-/// Origins of the spans, side by side in floats.
-void set_origins(const Spline& spline, Sighting& sighting) {
-  const std::size_t spans = spline.control_m.size() - 3;
-  for (RecycledVector<float>& axis : sighting.origin_m) axis.resize(spans);
-  for (std::size_t k = 0; k < spans; ++k) {
-    const Eigen::Vector3f origin_m = point_at(spline, static_cast<double>(k)).cast<float>();
-    for (std::size_t axis = 0; axis < 3; ++axis) sighting.origin_m[axis][k] = origin_m[static_cast<int>(axis)];
-  }
-}
-
-/// Where one more goes.
-void put(const ChosenPixels& chosen, std::size_t i, std::size_t at, SortedObservations& sorted) {
-  ObservationBlock& block = sorted.blocks[at / kPartials];
-  const std::size_t lane = at % kPartials;
-  block.x[lane] = chosen.x[i];
-  block.y[lane] = chosen.y[i];
-  block.z[lane] = chosen.z[i];
-  block.direction_x[lane] = chosen.direction_x[i];
-  block.direction_y[lane] = chosen.direction_y[i];
-  block.direction_z[lane] = 1.0F;
-  block.weight[lane] = chosen.weight[i];
-  block.s[lane] = chosen.s[i];
-}
-
 }  // namespace
 
 void observe(const HeightMap& map, const NoiseModel& noise, const Spline& spline, const PredictedPixels& pixels,
              const Gates& gates, const Extent& extent, Sighting& sighting) {
   const std::size_t stretches = (spline.control_m.size() - 3) * kStretchesPerSpan;
-  set_origins(spline, sighting);
   const PixelChoice choice{map.depth_m.data(),
                            map.rays.data()->data(),
                            levels_of_readings(map, noise),
@@ -66,11 +42,7 @@ void observe(const HeightMap& map, const NoiseModel& noise, const Spline& spline
                            least_margin_px(noise),
                            not_below(extent.t_begin),
                            not_above(extent.t_end),
-                           static_cast<int>(stretches),
-                           kStretchesPerSpan,
-                           sighting.origin_m[0].data(),
-                           sighting.origin_m[1].data(),
-                           sighting.origin_m[2].data()};
+                           static_cast<int>(stretches)};
   ChosenPixels& chosen = sighting.chosen;
   choose_pixels(choice, pixels, chosen);
   sighting.near_next.assign(stretches, 0);
@@ -81,15 +53,24 @@ void observe(const HeightMap& map, const NoiseModel& noise, const Spline& spline
   for (std::size_t i = 0; i < chosen.count; ++i) ++next(chosen.place[i]);
   make_room(spline, sighting.near_next, sighting.near);
   make_room(spline, sighting.far_next, sighting.far);
+  sighting.origin_m.resize(sighting.near.origin_m.size());
+  std::transform(sighting.near.origin_m.begin(), sighting.near.origin_m.end(), sighting.origin_m.begin(),
+                 [](const Eigen::Vector3d& origin_m) { return Eigen::Vector3f(origin_m.cast<float>()); });
   for (std::size_t i = 0; i < chosen.count; ++i) {
     const std::uint32_t place = chosen.place[i];
-    put(chosen, i, next(place)++, (place & 1U) != 0 ? sighting.near : sighting.far);
+    SortedObservations& side = (place & 1U) != 0 ? sighting.near : sighting.far;
+    const std::size_t at = next(place)++;
+    const Eigen::Vector3f& origin_m = sighting.origin_m[place / (2 * kStretchesPerSpan)];
+    // In floats: a hundred-millionth of the depth off, by chance.
+    const ObservedPoint& point = chosen.points[i];
+    side.points[at] = {point.x - origin_m.x(), point.y - origin_m.y(), point.z - origin_m.z(), point.weight};
+    side.rays[at] = chosen.rays[i];
   }
 }
 
 RecycledVector<Observation> select_observations(const HeightMap& map, const NoiseModel& noise,
-                                                const PredictedPixels& predicted, double gate_m,
-                                                double gate_sigmas, const Extent& extent) {
+                                                const PredictedPixels& predicted, double gate_m, double gate_sigmas,
+                                                const Extent& extent) {
   const float margin_px = least_margin_px(noise);
   const DisparityLevels levels = levels_of_readings(map, noise);
   RecycledVector<Observation> observations;

@@ -1,6 +1,6 @@
 #pragma once
 
-#include <array>
+#include <Eigen/Core>
 #include <cstddef>
 
 #include "choose_pixels.hpp"
@@ -27,12 +27,12 @@ struct Sighting {
   SortedObservations near, far;
   // Scratch of `observe`.
   ChosenPixels chosen;
-  std::array<RecycledVector<float>, 3> origin_m;  ///< x, y and z, of each span
+  RecycledVector<Eigen::Vector3f> origin_m;  ///< of each span
   RecycledVector<std::size_t> near_next, far_next;
 };
 
 /// The pixels must be predicted on this centreline. Buffers of `sighting` are used again.
-void observe(const HeightMap& map, const NoiseModel& noise, const Spline& spline,
-             const PredictedPixels& pixels, const Gates& gates, const Extent& extent, Sighting& sighting);
+void observe(const HeightMap& map, const NoiseModel& noise, const Spline& spline, const PredictedPixels& pixels,
+             const Gates& gates, const Extent& extent, Sighting& sighting);
 
 }  // namespace tubetrack

@@ -187,17 +187,13 @@ int divided_up(int from, int stride) {
   return stride == 1 ? from : (from + stride - 1) / stride;
 }
 
-/// Writes the rays of a row's pixels, in strides. Without distortion those of a row have the same y, and those of a
-/// column the same x, which stands there already: of the large table only its first row and column are read.
+/// Writes the rays of a row's pixels, in strides. Without distortion those of a column have the same x, so one row will
+/// do for all, and those of a row the same y, which is not written here.
 void take_rays(const HeightMap& map, bool distorted, int v, int stride, const Range& pixels, PredictedRow& row) {
-  if (!distorted) {
-    std::fill(row.ray_y.begin() + pixels.begin, row.ray_y.begin() + pixels.end, map.rays[map.cell(0, v)].y());
-    return;
-  }
   for (int i = pixels.begin; i < pixels.end; ++i) {
     const Eigen::Vector2f& ray = map.rays[map.cell(i * stride, v)];
     row.ray_x[static_cast<std::size_t>(i)] = ray.x();
-    row.ray_y[static_cast<std::size_t>(i)] = ray.y();
+    if (distorted) row.ray_y[static_cast<std::size_t>(i)] = ray.y();
   }
 }
 
@@ -213,7 +209,7 @@ Range intersect_all(const HeightMap& map, bool distorted, const OutlinedTube& ou
     const int begin = divided_up(columns.begin, stride);
     const int end = divided_up(columns.end, stride);
     if (begin >= end) continue;
-    take_rays(map, distorted, v, stride, {begin, end}, row);
+    if (distorted) take_rays(map, true, v, stride, {begin, end}, row);
     touched = {std::min(touched.begin, begin), std::max(touched.end, end)};
     intersect_row(one.piece, one.radius_m, begin, end, row);
   }
@@ -239,8 +235,8 @@ void PredictedPixels::make_room(std::size_t pixels) {
     column.resize(room);
   };
   widen(cell);
-  for (RecycledVector<float>* column : {&depth_m, &t, &cos_incidence, &lateral, &axis_depth_m, &across, &margin_px,
-                                        &jitter_bias_m, &sigma_m})
+  for (RecycledVector<float>* column :
+       {&depth_m, &t, &cos_incidence, &lateral, &axis_depth_m, &across, &margin_px, &jitter_bias_m, &sigma_m})
     widen(*column);
 }
 
@@ -251,10 +247,10 @@ void predict_pixels(const HeightMap& map, const NoiseModel& noise, const TubeMod
   const Range rows = outlined.all_rows;
   PredictedRow& row = row_for(in.width);
   const bool distorted = in.has_distortion();
-  for (int i = 0; !distorted && i * stride < in.width; ++i)
-    row.ray_x[static_cast<std::size_t>(i)] = map.rays[map.cell(i * stride, 0)].x();
+  if (!distorted) take_rays(map, false, 0, stride, {0, divided_up(in.width, stride)}, row);
   pixels.count = 0;
   for (int v = divided_up(rows.begin, stride) * stride; v < rows.end; v += stride) {
+    row.same_y = distorted ? std::nullopt : std::optional<float>(map.rays[map.cell(0, v)].y());
     const Range touched = intersect_all(map, distorted, outlined, v, stride, row);
     if (touched.begin >= touched.end) continue;
     const std::size_t most = pixels.count + static_cast<std::size_t>(touched.end - touched.begin);

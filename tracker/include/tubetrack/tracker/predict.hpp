@@ -47,8 +47,8 @@ struct PredictedPixels {
   std::size_t size() const { return count; }
   bool empty() const { return count == 0; }
   PredictedPixel operator[](std::size_t i) const {
-    return {cell[i],   depth_m[i],   t[i],             cos_incidence[i], lateral[i], axis_depth_m[i],
-            across[i], margin_px[i], jitter_bias_m[i], sigma_m[i]};
+    return {cell[i],         depth_m[i], t[i],         cos_incidence[i], lateral[i],
+            axis_depth_m[i], across[i],  margin_px[i], jitter_bias_m[i], sigma_m[i]};
   }
   /// Columns for at least so many; what is in them stays.
   void make_room(std::size_t pixels);
