@@ -41,6 +41,7 @@ struct FollowedTube {
   double taper_sum = 0.0;            ///< information times what each showed
   RecycledVector<Station> stations;  ///< over the whole spline, of the last frame that was fitted
   PredictedPixels pixels;            ///< the same
+  TubeModel predicted;               ///< whose pixels they are, in that frame's camera frame
   double last_seen_s = 0.0;
   int frames_followed = 0;  ///< in sight
   int standing = 0;         ///< how surely it is a tube: up with every frame that says so, down with one that denies it
