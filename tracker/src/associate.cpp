@@ -244,7 +244,9 @@ void confirm_or_forget(KnownTubes& known, HeightMap& map, const TrackerConfig& c
     if (tube.state != TubeState::tracked || !now) continue;
     const SeenTube mine = seen(tube);
     hide_others(known.tubes, &tube, &mine, map, hidden);
-    const FoundTube now_found = as_found(tube, map, config);
+    FoundTube now_found;  // no more of it than is judged: its pixels and matrices are large
+    now_found.model = tube.model;
+    now_found.evidence = gather_evidence(map, config.noise, tube.model, tube.pixels, tube.extent);
     add_look(tube, now_found.evidence);
     const bool denied = why_no_tube(now_found, config).has_value();
     show_again(map, hidden);

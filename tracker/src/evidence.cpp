@@ -68,8 +68,8 @@ bool goes_straight_on(const Rings& rings) {
 }
 
 /// On the left (sign −1) or right (+1) of the tube, from the pixels of one as thick as the outermost ring.
-Beside beside(const HeightMap& map, const TubeModel& model, const Extent& extent,
-              const RecycledVector<PredictedPixel>& wide_pixels, double sign) {
+Beside beside(const HeightMap& map, const TubeModel& model, const Extent& extent, const PredictedPixels& wide_pixels,
+              double sign) {
   std::array<std::array<RecycledVector<double>, kRings>, kParts> depths;
   for (const PredictedPixel& pixel : wide_pixels) {
     const double lateral = kRingBorders.back() * sign * pixel.lateral;
@@ -131,31 +131,45 @@ void judge_beside(const Beside& beside, Side& side) {
   side.rises = 2 * rises >= static_cast<int>(kParts);
 }
 
-/// How far the surface agrees with the circle on one side, by bins of a 40th of the radius pooled along the tube, but
-/// for where something nearer hides it: that says nothing of where it ends.
-Side side_of(const HeightMap& map, const TubeModel& model, const RecycledVector<Station>& stations,
-             const Extent& extent, const RecycledVector<PredictedPixel>& predicted, double sign) {
-  constexpr int kBins = 40;
-  const auto count = static_cast<int>(stations.size());
+/// Counts of pixels by how far they are from the axis: bins of a 40th of the radius, pooled along the tube.
+struct SideCounts {
+  static constexpr int kBins = 40;
   std::array<int, kBins> expected{};
   std::array<int, kBins> agree{};
   std::array<int, kBins> past{};
+};
+
+/// Of the left and the right side, but for where something nearer hides them: that says nothing of where they end.
+std::array<SideCounts, 2> count_sides(const HeightMap& map, const TubeModel& model,
+                                      const RecycledVector<Station>& stations, const Extent& extent,
+                                      const PredictedPixels& predicted) {
+  const auto count = static_cast<int>(stations.size());
+  std::array<SideCounts, 2> sides;
   for (const PredictedPixel& pixel : predicted) {
-    const double lateral = sign * pixel.lateral;
-    if (lateral < 0.0 || pixel.t < extent.t_begin || pixel.t > extent.t_end) continue;
+    if (pixel.t < extent.t_begin || pixel.t > extent.t_end) continue;
     const int at = std::clamp(static_cast<int>(pixel.t / model.spline.spans() * count), 0, count - 1);
     const Station& station = stations[static_cast<std::size_t>(at)];
     if (2 * station.before > station.expected) continue;
-    const auto bin = static_cast<std::size_t>(std::min(kBins - 1, static_cast<int>(lateral * kBins)));
     const float measured = map.depth_m[pixel.cell];
     if (measured < 0.0F) continue;
-    ++expected[bin];
+    const double lateral = std::abs(pixel.lateral);
+    const auto bin =
+        static_cast<std::size_t>(std::min(SideCounts::kBins - 1, static_cast<int>(lateral * SideCounts::kBins)));
+    SideCounts& side = sides[pixel.lateral > 0.0F ? 1 : 0];
+    ++side.expected[bin];
     const double off = measured - pixel.depth_m;
     if (measured > 0.0F && std::abs(off) <= agreement_m(model, pixel))
-      ++agree[bin];
+      ++side.agree[bin];
     else if (measured <= 0.0F || off > 0.0)
-      ++past[bin];
+      ++side.past[bin];
   }
+  return sides;
+}
+
+/// How far the surface agrees with the circle on one side.
+Side side_of(const SideCounts& counts) {
+  constexpr int kBins = SideCounts::kBins;
+  const auto& [expected, agree, past] = counts;
   Side side;
   int bin = kBins;
   while (bin > 0 && 2 * agree[static_cast<std::size_t>(bin - 1)] < expected[static_cast<std::size_t>(bin - 1)]) --bin;
@@ -172,6 +186,16 @@ Side side_of(const HeightMap& map, const TubeModel& model, const RecycledVector<
 
 constexpr int kSectionBins = 15;  // of 10° from −75° to 75°
 
+/// Sines of the angles between bins: an arcsine for each pixel would take as long as all else.
+constexpr std::array<float, kSectionBins - 1> kSectionBorders{
+    -0.90630779F, -0.81915204F, -0.70710678F, -0.57357644F, -0.42261826F, -0.25881905F, -0.08715574F,
+    0.08715574F,  0.25881905F,  0.42261826F,  0.57357644F,  0.70710678F,  0.81915204F,  0.90630779F};
+
+std::size_t section_bin(float lateral) {
+  const auto above = std::upper_bound(kSectionBorders.begin(), kSectionBorders.end(), lateral);
+  return static_cast<std::size_t>(above - kSectionBorders.begin());
+}
+
 /// Sums over the pixels that should see a stretch of tube.
 struct SurfaceSums {
   std::array<double, kSectionBins> off_m{};  ///< across the surface, of those that agree
@@ -183,17 +207,15 @@ struct SurfaceSums {
   double depth_m = 0.0;
 };
 
-SurfaceSums sum_surface(const HeightMap& map, const TubeModel& model, const RecycledVector<PredictedPixel>& predicted,
+SurfaceSums sum_surface(const HeightMap& map, const TubeModel& model, const PredictedPixels& predicted,
                         const Extent& extent) {
   SurfaceSums sums;
   const double middle = 0.5 * (extent.t_begin + extent.t_end);
   for (const PredictedPixel& pixel : predicted) {
     if (pixel.cos_incidence < kCos75 || pixel.t < extent.t_begin || pixel.t > extent.t_end) continue;
-    const double angle = std::asin(std::clamp(static_cast<double>(pixel.lateral), -1.0, 1.0));
-    const int bin = std::clamp(static_cast<int>((angle / std::numbers::pi * 180.0 + 75.0) / 10.0), 0, kSectionBins - 1);
-    const auto at = static_cast<std::size_t>(bin);
     const float measured = map.depth_m[pixel.cell];
     if (measured < 0.0F) continue;
+    const std::size_t at = section_bin(pixel.lateral);
     ++sums.wanted[at];
     if (measured == 0.0F) continue;
     const double off = measured - pixel.depth_m;
@@ -249,15 +271,16 @@ double support_of(const RecycledVector<Station>& stations, const Extent& extent)
 }  // namespace
 
 Evidence surface_evidence(const HeightMap& map, const NoiseModel& noise, const TubeModel& model,
-                          const RecycledVector<PredictedPixel>& predicted, const RecycledVector<Station>& stations,
+                          const PredictedPixels& predicted, const RecycledVector<Station>& stations,
                           const Extent& extent) {
   const SurfaceSums sums = sum_surface(map, model, predicted, extent);
   Evidence evidence;
   evidence.length_m = arc_length_m(model.spline, extent.t_begin, extent.t_end);
   evidence.min_bend_radii = min_bend_radii(model, extent);
   if (sums.agree == 0) return evidence;
-  evidence.left = side_of(map, model, stations, extent, predicted, -1.0);
-  evidence.right = side_of(map, model, stations, extent, predicted, 1.0);
+  const auto sides = count_sides(map, model, stations, extent, predicted);
+  evidence.left = side_of(sides[0]);
+  evidence.right = side_of(sides[1]);
   judge_taper(sums, model.radius_m, evidence);
   evidence.support = support_of(stations, extent);
   evidence.noise_ratio = std::sqrt(sums.chi2 / sums.agree);
@@ -275,7 +298,7 @@ void look_beside(const HeightMap& map, const NoiseModel& noise, const TubeModel&
   for (double& offset_m : wide.profile.offset_m) offset_m *= kRingBorders.back();
   // Medians of many pixels: of a wide tube, every so manieth will do.
   const int stride = std::clamp(static_cast<int>(evidence.width_px / 12.0), 1, 4);
-  const RecycledVector<PredictedPixel> pixels = predict_pixels(map, noise, wide, stride);
+  const PredictedPixels pixels = predict_pixels(map, noise, wide, stride);
   const std::array<Beside, 2> both{beside(map, model, extent, pixels, -1.0), beside(map, model, extent, pixels, 1.0)};
   const auto& [left, right] = both;
   evidence.edge_share = straight_share(both);
@@ -289,7 +312,7 @@ void look_beside(const HeightMap& map, const NoiseModel& noise, const TubeModel&
 }
 
 Evidence gather_evidence(const HeightMap& map, const NoiseModel& noise, const TubeModel& model,
-                         const RecycledVector<PredictedPixel>& predicted, const Extent& extent) {
+                         const PredictedPixels& predicted, const Extent& extent) {
   const auto stations = stations_of(map, model, predicted, station_length_m(map, model));
   Evidence evidence = surface_evidence(map, noise, model, predicted, stations, extent);
   if (evidence.width_px > 0.0) look_beside(map, noise, model, extent, evidence);

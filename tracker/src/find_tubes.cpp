@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 #include <vector>
 
 #include "hide.hpp"
@@ -116,13 +117,14 @@ void try_again(const RecycledVector<Seed>& refused, RecycledVector<FoundTube>& t
 /// Withdraws the votes of every surfel on the tube.
 void withdraw_explained(AccumulationMap& votes, std::span<const Surfel> surfels, std::span<const CastVote> cast,
                         const FoundTube& tube, RecycledVector<bool>& withdrawn) {
-  const auto& pixels = tube.pixels;  // in cell order, as the surfels are
-  auto pixel = pixels.begin();
+  const PredictedPixels& pixels = tube.pixels;  // in cell order, as the surfels are
+  std::size_t at = 0;
   for (std::size_t i = 0; i < surfels.size(); ++i) {
-    while (pixel != pixels.end() && pixel->cell < surfels[i].cell) ++pixel;
-    if (pixel == pixels.end()) break;
-    if (pixel->cell != surfels[i].cell || withdrawn[i]) continue;
-    if (std::abs(surfels[i].position_m.z() - pixel->depth_m) > 0.5 * tube.model.radius_m + 4.0F * surfels[i].sigma_m)
+    while (at < pixels.size() && pixels.cell[at] < surfels[i].cell) ++at;
+    if (at == pixels.size()) break;
+    if (pixels.cell[at] != surfels[i].cell || withdrawn[i]) continue;
+    if (std::abs(surfels[i].position_m.z() - pixels.depth_m[at]) >
+        0.5 * tube.model.radius_m + 4.0F * surfels[i].sigma_m)
       continue;
     withdrawn[i] = true;
     votes.withdraw(cast[i].record);
@@ -143,9 +145,9 @@ double matching_cell_m(std::span<const Surfel> surfels, double focal_px) {
 }
 
 RecycledVector<FoundTube> find_tubes(AccumulationMap& votes, std::span<const Surfel> surfels,
-                                     std::span<const CastVote> cast, HeightMap& map, const TrackerConfig& config,
-                                     int max_failures, Deadline& deadline, RecycledVector<FailedPlace>& failed,
-                                     StageTimes& times) {
+                                     std::span<const CastVote> cast, std::span<const FollowedTube> known,
+                                     HeightMap& map, const TrackerConfig& config, int max_failures, Deadline& deadline,
+                                     RecycledVector<FailedPlace>& failed, StageTimes& times) {
   Stopwatch watch;
   RecycledVector<FoundTube> tubes;
   RecycledVector<bool> withdrawn(surfels.size(), false);
@@ -153,6 +155,8 @@ RecycledVector<FoundTube> find_tubes(AccumulationMap& votes, std::span<const Sur
   std::erase_if(failed, [](const FailedPlace& place) { return place.frames >= 2 * place.rest_frames; });
   int failures = 0;
   RecycledVector<Seed> refused;
+  HiddenCells hidden;
+  bool known_are_hidden = false;  // most frames try no seed at all
   const std::vector<VoxelIndex>& peaks = votes.peaks(kMinVotes, 1);
   watch.lap(times.trace_ms);
   for (const VoxelIndex& peak : peaks) {
@@ -171,14 +175,14 @@ RecycledVector<FoundTube> find_tubes(AccumulationMap& votes, std::span<const Sur
     const double radius_m = config.radius_m.value_or(radius_of(trace));
     const Seed seed{center, axis_of(sum).direction, radius_m, smooth_part(trace, peak, radius_m)};
     watch.lap(times.trace_ms);
+    if (!std::exchange(known_are_hidden, true)) hide_others(known, nullptr, nullptr, map, hidden);
     auto found = grow_tube(map, config, seed);
     if (found && why_no_tube(*found, config)) {
       refused.push_back(seed);
       found.reset();
     }
     if (found) go_on_behind(map, config, *found);
-    const bool known = found && !take_place(tubes, *found);
-    if (!found || known) {
+    if (!found || !take_place(tubes, *found)) {
       ++failures;
       put_to_rest(failed, trace, sum.votes, votes.cell_m());
       watch.lap(times.fit_ms);
@@ -193,6 +197,7 @@ RecycledVector<FoundTube> find_tubes(AccumulationMap& votes, std::span<const Sur
   if (!refused.empty() && !tubes.empty() && !deadline.passed()) try_again(refused, tubes, map, config);
   if (tubes.size() != found_at_once) part_neighbors(tubes, map, config);
   watch.lap(times.fit_ms);
+  show_again(map, hidden);
   for (std::size_t i = 0; i < cast.size(); ++i) {
     if (withdrawn[i]) votes.add(cast[i].record);
   }

@@ -27,6 +27,8 @@ constexpr double kFitGate = 0.1;  // radii: how near a reading must be to be fit
 // comes back is lost now and then.
 constexpr double kSettled = 0.005;
 constexpr double kStale = 0.02;  // radii: so far a model may have moved from the one whose pixels were predicted
+// Radii: so little, and at rest the last frame's pixels are taken again. It is a fifth of a pixel's noise or less.
+constexpr double kUnmoved = 0.005;
 
 FitOptions fit_options(const TrackerConfig& config, const FollowedTube& tube, const Information* prior) {
   FitOptions options;
@@ -44,6 +46,20 @@ double inverse(double value) {
 
 void predict(FollowedTube& tube, const HeightMap& map, const TrackerConfig& config, const TubeModel& model) {
   predict_pixels(map, config.noise, model, 1, tube.pixels);
+  tube.predicted = model;
+}
+
+/// Are the tube's pixels nearly those of a model?
+bool has_pixels_of(const FollowedTube& tube, const TubeModel& model) {
+  const Spline& from = tube.predicted.spline;
+  const Spline& to = model.spline;
+  if (from.control_m.size() != to.control_m.size() || from.first_span != to.first_span) return false;
+  if (!model.profile.offset_m.empty() || !tube.predicted.profile.offset_m.empty()) return false;
+  const double most_m = kUnmoved * model.radius_m;
+  for (std::size_t k = 0; k < to.control_m.size(); ++k) {
+    if ((to.control_m[k] - from.control_m[k]).squaredNorm() > most_m * most_m) return false;
+  }
+  return std::abs(model.radius_m - tube.predicted.radius_m) <= most_m;
 }
 
 /// What the frame says of a model whose pixels the tube has: those near it, which are fitted, and all about it, by
@@ -93,7 +109,7 @@ double moved_m(const TubeModel& from, const TubeModel& to, const Extent& extent)
 /// or so near that one step of the fit goes there, with its pixels predicted and what the frame says of it in `view`.
 bool judge_motion(FollowedTube& tube, const HeightMap& map, const TrackerConfig& config, TubeModel& model,
                   double elapsed_s, View& view) {
-  predict(tube, map, config, model);
+  if (!tube.at_rest || !has_pixels_of(tube, model)) predict(tube, map, config, model);
   view = view_of(tube, map, config, model, kFitGate, 0.5);
   const auto first = motion_seen(tube, model, view);
   if (!first) return false;
@@ -126,9 +142,11 @@ void judge_rest(FollowedTube& tube, const HeightMap& map, const TrackerConfig& c
   if (++tube.frames_pooled < kFramesToComeToRest) return;
   tube.frames_pooled = 0;
   auto pixels = std::exchange(tube.pixels, {});
+  auto predicted = std::exchange(tube.predicted, {});
   predict(tube, map, config, tube.anchor);
   const auto back = motion_seen(tube, tube.anchor, view_of(tube, map, config, tube.anchor, kFitGate, 0.5));
   tube.pixels = std::move(pixels);
+  tube.predicted = std::move(predicted);
   if (back && motion_chi2(tube.anchor, *back, tube.quality.observed.matrix) < kRestChi2) {
     start_pool(tube);
     add_to_pool(tube);
@@ -261,6 +279,7 @@ void keep_expected(FollowedTube& tube, FollowedTube before, TubeModel expected) 
   before.model = std::move(expected);
   before.state = tube.state;
   before.pixels = std::move(tube.pixels);
+  before.predicted = std::move(tube.predicted);
   before.stations = std::move(tube.stations);
   before.pooled = std::move(tube.pooled);
   tube = std::move(before);
@@ -279,6 +298,7 @@ FollowedTube start_following(FoundTube found, const HeightMap& map, const Tracke
   tube.support = found.evidence.support;
   add_look(tube, found.evidence);
   tube.pixels = std::move(found.pixels);
+  tube.predicted = tube.model;
   tube.stations = stations_of(map, tube.model, tube.pixels, station_length_m(map, tube.model));
   // A little more at an end may be the foot of a can or the table that it stands on; much more is tube.
   FollowedTube longer = tube;
@@ -324,11 +344,10 @@ void follow_tube(FollowedTube& tube, const HeightMap& map, const TrackerConfig& 
   View view;
   bool fitted = judge_motion(tube, map, config, model, elapsed_s, view);
   if (fitted) {
-    const TubeModel predicted = model;
     fitted = fit_once(tube, config, model, std::move(view), tube.at_rest ? tube.pooled : radius_only(tube),
                       tube.at_rest ? &tube.profile_pool : nullptr, true);
     if (fitted) take_model(tube, std::move(model), config);
-    if (fitted && moved_m(predicted, tube.model, tube.extent) > kStale * tube.model.radius_m)
+    if (fitted && moved_m(tube.predicted, tube.model, tube.extent) > kStale * tube.model.radius_m)
       predict(tube, map, config, tube.model);
   }
   if (!fitted) {

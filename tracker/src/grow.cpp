@@ -80,7 +80,7 @@ int seed_stride(const HeightMap& map, const Seed& seed, double radius_m) {
 }
 
 /// Is what is seen there nearly as flat as a plane? Then it is no tube of anything like that radius.
-bool is_flat(const HeightMap& map, const TubeModel& model, const RecycledVector<PredictedPixel>& pixels) {
+bool is_flat(const HeightMap& map, const TubeModel& model, const PredictedPixels& pixels) {
   ShapeSums shape;
   for (const PredictedPixel& pixel : pixels) {
     const float measured = map.depth_m[pixel.cell];

@@ -53,9 +53,8 @@ bool in_one_line(const FollowedTube& a, const FollowedTube& b) {
 }
 
 void hide_from(const SeenTube* mine, const SeenTube& other, HeightMap& map, HiddenCells& hidden) {
-  const std::span<const PredictedPixel> own =
-      mine ? std::span<const PredictedPixel>(mine->pixels) : std::span<const PredictedPixel>();
-  auto at = own.begin();
+  const std::size_t own = mine ? mine->pixels.size() : 0;
+  std::size_t at = 0;
   for (const PredictedPixel& pixel : other.pixels) {
     if (pixel.t < other.extent.t_begin || pixel.t > other.extent.t_end) continue;
     const float depth_m = map.depth_m[pixel.cell];
@@ -65,9 +64,10 @@ void hide_from(const SeenTube* mine, const SeenTube& other, HeightMap& map, Hidd
     const bool agrees = depth_m > 0.0F && behind_m <= agreement;
     const bool on_outline = pixel.margin_px < 1.0F;
     if (!agrees && !on_outline) continue;
-    while (at != own.end() && at->cell < pixel.cell) ++at;
-    const bool in_front = at != own.end() && at->cell == pixel.cell && at->depth_m <= pixel.depth_m &&
-                          at->t >= mine->extent.t_begin && at->t <= mine->extent.t_end;
+    while (at < own && mine->pixels.cell[at] < pixel.cell) ++at;
+    const bool in_front = at < own && mine->pixels.cell[at] == pixel.cell &&
+                          mine->pixels.depth_m[at] <= pixel.depth_m && mine->pixels.t[at] >= mine->extent.t_begin &&
+                          mine->pixels.t[at] <= mine->extent.t_end;
     if (in_front) continue;
     if (agrees) take_out(map, pixel.cell, hidden);
     if (on_outline) take_out_around(map, pixel.cell, hidden);

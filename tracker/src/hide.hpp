@@ -15,7 +15,7 @@ using HiddenCells = RecycledVector<std::uint32_t>;
 struct SeenTube {
   const TubeModel& model;
   const Extent& extent;
-  const RecycledVector<PredictedPixel>& pixels;
+  const PredictedPixels& pixels;
 };
 inline SeenTube seen(const FoundTube& tube) {
   return {tube.model, tube.extent, tube.pixels};

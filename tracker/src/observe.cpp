@@ -2,7 +2,12 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <limits>
 
+#include "choose_pixels.hpp"
+#include "stretch_sums.hpp"
 #include "tubetrack/tracker/recycled.hpp"
 
 namespace tubetrack {
@@ -14,59 +19,58 @@ float least_margin_px(const NoiseModel& noise) {
   return 3.0F * static_cast<float>(noise.lateral_px);
 }
 
-/// Which pixels, and how many in each stretch.
-std::span<const Sighting::Chosen> choose(const HeightMap& map, const NoiseModel& noise,
-                                         std::span<const PredictedPixel> pixels, const Gates& gates,
-                                         const Extent& extent, Sighting& sighting) {
-  const std::size_t stretches = sighting.near_next.size();
-  if (sighting.chosen.size() < pixels.size()) sighting.chosen.resize(pixels.size());
-  Sighting::Chosen* chosen = sighting.chosen.data();
-  const float margin_px = least_margin_px(noise);
-  const DisparityLevels levels = levels_of_readings(map, noise);
-  for (std::size_t i = 0; i < pixels.size(); ++i) {
-    const PredictedPixel& pixel = pixels[i];
-    const float measured_m = map.depth_m[pixel.cell];
-    if (measured_m <= 0.0F || pixel.cos_incidence < kCos75 || pixel.margin_px < margin_px) continue;
-    if (pixel.t < extent.t_begin || pixel.t > extent.t_end) continue;
-    const double depth_m = unbiased_m(levels, pixel, measured_m);
-    const double off_m = std::abs(depth_m - pixel.depth_m);
-    const double noise_m = gates.sigmas * pixel.sigma_m;
-    if (off_m > gates.far_m + noise_m) continue;
-    const std::size_t k = stretch_of(pixel.t, stretches);
-    const bool is_near = off_m <= gates.near_m + noise_m;
-    ++(is_near ? sighting.near_next : sighting.far_next)[k];
-    *chosen++ = {static_cast<float>(depth_m), static_cast<std::uint32_t>(i), static_cast<std::uint32_t>(k), is_near};
-  }
-  return {sighting.chosen.data(), chosen};
+/// Places are doubles, those of pixels floats: the same pixels are within these.
+float not_below(double value) {
+  const auto rounded = static_cast<float>(value);
+  return rounded < value ? std::nextafter(rounded, std::numeric_limits<float>::infinity()) : rounded;
+}
+float not_above(double value) {
+  return -not_below(-value);
 }
 
 }  // namespace
 
-void observe(const HeightMap& map, const NoiseModel& noise, const Spline& spline,
-             std::span<const PredictedPixel> pixels, const Gates& gates, const Extent& extent, Sighting& sighting) {
+void observe(const HeightMap& map, const NoiseModel& noise, const Spline& spline, const PredictedPixels& pixels,
+             const Gates& gates, const Extent& extent, Sighting& sighting) {
   const std::size_t stretches = (spline.control_m.size() - 3) * kStretchesPerSpan;
-  const auto spans = static_cast<float>(spline.spans());
+  const PixelChoice choice{map.depth_m.data(),
+                           map.rays.data()->data(),
+                           levels_of_readings(map, noise),
+                           gates.near_m,
+                           gates.far_m,
+                           gates.sigmas,
+                           least_margin_px(noise),
+                           not_below(extent.t_begin),
+                           not_above(extent.t_end),
+                           static_cast<int>(stretches)};
+  ChosenPixels& chosen = sighting.chosen;
+  choose_pixels(choice, pixels, chosen);
   sighting.near_next.assign(stretches, 0);
   sighting.far_next.assign(stretches, 0);
-  const std::span<const Sighting::Chosen> chosen = choose(map, noise, pixels, gates, extent, sighting);
+  const auto next = [&](std::uint32_t place) -> std::size_t& {
+    return ((place & 1U) != 0 ? sighting.near_next : sighting.far_next)[place / 2];
+  };
+  for (std::size_t i = 0; i < chosen.count; ++i) ++next(chosen.place[i]);
   make_room(spline, sighting.near_next, sighting.near);
   make_room(spline, sighting.far_next, sighting.far);
-  for (const Sighting::Chosen& one : chosen) {
-    const PredictedPixel& pixel = pixels[one.pixel];
-    const Eigen::Vector3f direction(map.rays[pixel.cell].x(), map.rays[pixel.cell].y(), 1.0F);
-    const std::size_t span = one.stretch / kStretchesPerSpan;
-    SortedObservations& side = one.is_near ? sighting.near : sighting.far;
-    const std::size_t at = (one.is_near ? sighting.near_next : sighting.far_next)[one.stretch]++;
+  sighting.origin_m.resize(sighting.near.origin_m.size());
+  std::transform(sighting.near.origin_m.begin(), sighting.near.origin_m.end(), sighting.origin_m.begin(),
+                 [](const Eigen::Vector3d& origin_m) { return Eigen::Vector3f(origin_m.cast<float>()); });
+  for (std::size_t i = 0; i < chosen.count; ++i) {
+    const std::uint32_t place = chosen.place[i];
+    SortedObservations& side = (place & 1U) != 0 ? sighting.near : sighting.far;
+    const std::size_t at = next(place)++;
+    const Eigen::Vector3f& origin_m = sighting.origin_m[place / (2 * kStretchesPerSpan)];
     // In floats: a hundred-millionth of the depth off, by chance.
-    const Eigen::Vector3f from_origin = one.depth_m * direction - side.origin_m[span].cast<float>();
-    const float s = std::clamp(pixel.t, 0.0F, spans) - static_cast<float>(span);
-    put(from_origin, direction, 1.0F / (pixel.sigma_m * pixel.sigma_m), s, at, side);
+    const ObservedPoint& point = chosen.points[i];
+    side.points[at] = {point.x - origin_m.x(), point.y - origin_m.y(), point.z - origin_m.z(), point.weight};
+    side.rays[at] = chosen.rays[i];
   }
 }
 
 RecycledVector<Observation> select_observations(const HeightMap& map, const NoiseModel& noise,
-                                                const RecycledVector<PredictedPixel>& predicted, double gate_m,
-                                                double gate_sigmas, const Extent& extent) {
+                                                const PredictedPixels& predicted, double gate_m, double gate_sigmas,
+                                                const Extent& extent) {
   const float margin_px = least_margin_px(noise);
   const DisparityLevels levels = levels_of_readings(map, noise);
   RecycledVector<Observation> observations;

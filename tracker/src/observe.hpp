@@ -1,9 +1,9 @@
 #pragma once
 
+#include <Eigen/Core>
 #include <cstddef>
-#include <cstdint>
-#include <span>
 
+#include "choose_pixels.hpp"
 #include "stretch_sums.hpp"
 #include "tubetrack/sensors/disparity_levels.hpp"
 #include "tubetrack/tracker/predict.hpp"
@@ -25,18 +25,14 @@ struct Gates {
 };
 struct Sighting {
   SortedObservations near, far;
-  /// Scratch of `observe`.
-  struct Chosen {
-    float depth_m = 0.0F;
-    std::uint32_t pixel = 0, stretch = 0;
-    bool is_near = true;
-  };
-  RecycledVector<Chosen> chosen;  // the first so many
+  // Scratch of `observe`.
+  ChosenPixels chosen;
+  RecycledVector<Eigen::Vector3f> origin_m;  ///< of each span
   RecycledVector<std::size_t> near_next, far_next;
 };
 
 /// The pixels must be predicted on this centreline. Buffers of `sighting` are used again.
-void observe(const HeightMap& map, const NoiseModel& noise, const Spline& spline,
-             std::span<const PredictedPixel> pixels, const Gates& gates, const Extent& extent, Sighting& sighting);
+void observe(const HeightMap& map, const NoiseModel& noise, const Spline& spline, const PredictedPixels& pixels,
+             const Gates& gates, const Extent& extent, Sighting& sighting);
 
 }  // namespace tubetrack

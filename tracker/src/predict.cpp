@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <limits>
+#include <cstddef>
 #include <optional>
 #include <tuple>
 
@@ -123,7 +123,6 @@ struct OutlinedTube {
   RecycledVector<Outlined> pieces;
   RecycledVector<Range> rows;
   Range all_rows;
-  double pixels = 0.0;  ///< about so many are inside the outlines, which overlap
 };
 
 std::array<Edge, 4> edges_of(const Quad& quad) {
@@ -156,11 +155,6 @@ RowPiece row_piece(const Piece& piece) {
   return row;
 }
 
-double area_px(const Quad& quad) {
-  const auto cross = [](const Eigen::Vector2d& a, const Eigen::Vector2d& b) { return a.x() * b.y() - a.y() * b.x(); };
-  return 0.5 * std::abs(cross(quad[2] - quad[0], quad[3] - quad[1]));
-}
-
 OutlinedTube outline_all(const Intrinsics& in, const TubeModel& model) {
   OutlinedTube all;
   all.all_rows = {in.height, 0};
@@ -172,7 +166,6 @@ OutlinedTube outline_all(const Intrinsics& in, const TubeModel& model) {
     all.pieces.push_back({row_piece(piece), edges_of(*quad), static_cast<float>(piece.radius_m)});
     all.rows.push_back(rows);
     all.all_rows = {std::min(all.all_rows.begin, rows.begin), std::max(all.all_rows.end, rows.end)};
-    all.pixels += std::min(area_px(*quad), 1.0 * in.width * (rows.end - rows.begin));
   }
   return all;
 }
@@ -194,26 +187,20 @@ int divided_up(int from, int stride) {
   return stride == 1 ? from : (from + stride - 1) / stride;
 }
 
-/// Without distortion the rays of a column have the same x, and those of a row the same y: of the large table only its
-/// first row and column are read.
-struct RayLookup {
-  const HeightMap& map;
-  bool distorted;
-
-  float x(int u, int v) const { return map.rays[map.cell(u, distorted ? v : 0)].x(); }
-  float y(int u, int v) const { return map.rays[map.cell(distorted ? u : 0, v)].y(); }
-};
-
-void take_rays(const RayLookup& rays, int v, int stride, const Range& pixels, PredictedRow& row) {
+/// Writes the rays of a row's pixels, in strides. Without distortion those of a column have the same x, so one row will
+/// do for all, and those of a row the same y, which is not written here.
+void take_rays(const HeightMap& map, bool distorted, int v, int stride, const Range& pixels, PredictedRow& row) {
   for (int i = pixels.begin; i < pixels.end; ++i) {
-    row.ray_x[static_cast<std::size_t>(i)] = rays.x(i * stride, v);
-    row.ray_y[static_cast<std::size_t>(i)] = rays.y(i * stride, v);
+    const Eigen::Vector2f& ray = map.rays[map.cell(i * stride, v)];
+    row.ray_x[static_cast<std::size_t>(i)] = ray.x();
+    if (distorted) row.ray_y[static_cast<std::size_t>(i)] = ray.y();
   }
 }
 
 /// Intersects the pixels of row v with every piece, and tells which pixels that may have been: in strides.
-Range intersect_all(const RayLookup& rays, const OutlinedTube& outlined, int v, int stride, PredictedRow& row) {
-  const int width = rays.map.intrinsics.width;
+Range intersect_all(const HeightMap& map, bool distorted, const OutlinedTube& outlined, int v, int stride,
+                    PredictedRow& row) {
+  const int width = map.intrinsics.width;
   Range touched{width, 0};
   for (std::size_t k = 0; k < outlined.rows.size(); ++k) {
     if (v < outlined.rows[k].begin || v >= outlined.rows[k].end) continue;
@@ -222,37 +209,11 @@ Range intersect_all(const RayLookup& rays, const OutlinedTube& outlined, int v, 
     const int begin = divided_up(columns.begin, stride);
     const int end = divided_up(columns.end, stride);
     if (begin >= end) continue;
-    if (touched.begin >= touched.end) touched = {begin, begin};
-    take_rays(rays, v, stride, {begin, touched.begin}, row);
-    take_rays(rays, v, stride, {touched.end, end}, row);
+    if (distorted) take_rays(map, true, v, stride, {begin, end}, row);
     touched = {std::min(touched.begin, begin), std::max(touched.end, end)};
     intersect_row(one.piece, one.radius_m, begin, end, row);
   }
   return touched;
-}
-
-/// Writes what the row met to `pixel` and on, makes the row ready for the next one, and returns the end of what it
-/// wrote.
-PredictedPixel* take_pixels(PredictedRow& row, Range touched, std::size_t first_cell, int stride,
-                            PredictedPixel* pixel) {
-  constexpr float kNotMet = std::numeric_limits<float>::infinity();
-  for (auto i = static_cast<std::size_t>(touched.begin); i < static_cast<std::size_t>(touched.end); ++i) {
-    const float depth_m = row.depth_m[i];
-    if (depth_m == kNotMet) continue;
-    const std::size_t cell = first_cell + i * static_cast<std::size_t>(stride);
-    *pixel++ = {static_cast<std::uint32_t>(cell),
-                depth_m,
-                row.t[i],
-                row.cos_incidence[i],
-                row.lateral[i],
-                row.axis_depth_m[i],
-                row.across[i],
-                row.margin_px[i],
-                row.jitter_bias_m[i],
-                row.sigma_m[i]};
-    row.depth_m[i] = kNotMet;
-  }
-  return pixel;
 }
 
 /// A row for this thread, met by nothing. Fresh buffers would cost as much as all else for a short piece.
@@ -264,36 +225,42 @@ PredictedRow& row_for(int pixels) {
 
 }  // namespace
 
+void PredictedPixels::make_room(std::size_t pixels) {
+  const std::size_t room = pixels + kSpare;
+  if (cell.size() >= room) return;
+  // More than is asked for, so that most tubes' columns are of one size and are used again.
+  const std::size_t reserved = std::max(room, std::size_t{16384});
+  const auto widen = [&](auto& column) {
+    if (column.capacity() < room) column.reserve(reserved);
+    column.resize(room);
+  };
+  widen(cell);
+  for (RecycledVector<float>* column :
+       {&depth_m, &t, &cos_incidence, &lateral, &axis_depth_m, &across, &margin_px, &jitter_bias_m, &sigma_m})
+    widen(*column);
+}
+
 void predict_pixels(const HeightMap& map, const NoiseModel& noise, const TubeModel& model, int stride,
-                    RecycledVector<PredictedPixel>& pixels) {
+                    PredictedPixels& pixels) {
   const Intrinsics& in = map.intrinsics;
   const OutlinedTube outlined = outline_all(in, model);
   const Range rows = outlined.all_rows;
-  // At least a sixteenth of the image, so that most tubes' buffers are of one size and are used again.
-  const std::size_t room =
-      std::max(static_cast<std::size_t>(outlined.pixels / (stride * stride)), map.rays.size() / 16);
-  if (pixels.capacity() < room) {
-    pixels = {};  // nothing in it is worth a copy
-    pixels.reserve(room + room / 2);
-  }
   PredictedRow& row = row_for(in.width);
-  const RayLookup rays{map, in.has_distortion()};
-  std::size_t count = 0;
+  const bool distorted = in.has_distortion();
+  if (!distorted) take_rays(map, false, 0, stride, {0, divided_up(in.width, stride)}, row);
+  pixels.count = 0;
   for (int v = divided_up(rows.begin, stride) * stride; v < rows.end; v += stride) {
-    const Range touched = intersect_all(rays, outlined, v, stride, row);
+    row.same_y = distorted ? std::nullopt : std::optional<float>(map.rays[map.cell(0, v)].y());
+    const Range touched = intersect_all(map, distorted, outlined, v, stride, row);
     if (touched.begin >= touched.end) continue;
-    judge_row(noise, in.fx_px, model.radius_m, touched.begin, touched.end, row);
-    const std::size_t most = count + static_cast<std::size_t>(touched.end - touched.begin);
-    if (pixels.size() < most) pixels.resize(most);
-    PredictedPixel* const end = take_pixels(row, touched, map.cell(0, v), stride, pixels.data() + count);
-    count = static_cast<std::size_t>(end - pixels.data());
+    const std::size_t most = pixels.count + static_cast<std::size_t>(touched.end - touched.begin);
+    if (pixels.cell.size() < most + PredictedPixels::kSpare) pixels.make_room(most + most / 2);
+    take_row(noise, in.fx_px, model.radius_m, touched.begin, touched.end, map.cell(0, v), stride, row, pixels);
   }
-  pixels.resize(count);
 }
 
-RecycledVector<PredictedPixel> predict_pixels(const HeightMap& map, const NoiseModel& noise, const TubeModel& model,
-                                              int stride) {
-  RecycledVector<PredictedPixel> pixels;
+PredictedPixels predict_pixels(const HeightMap& map, const NoiseModel& noise, const TubeModel& model, int stride) {
+  PredictedPixels pixels;
   predict_pixels(map, noise, model, stride, pixels);
   return pixels;
 }

@@ -1,6 +1,12 @@
 #include "predict_row.hpp"
 
+#include <cstddef>
+#include <cstdint>
 #include <limits>
+#include <vector>
+
+#include "tubetrack/tracker/predict.hpp"
+#include "tubetrack/tracker/recycled.hpp"
 
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "predict_row.cpp"
@@ -27,15 +33,24 @@ HWY_INLINE V Dot(V x, V y, V z, float by_x, float by_y, float by_z) {
   return hn::Add(hn::Add(hn::Mul(x, Number(by_x)), hn::Mul(y, Number(by_y))), hn::Mul(z, Number(by_z)));
 }
 
+HWY_INLINE V RaysY(const PredictedRow& row, int i) {
+  return row.same_y ? hn::Set(D(), *row.same_y) : hn::LoadU(D(), row.ray_y.data() + i);
+}
+
+/// Square of the ray's length for one metre of z.
+HWY_INLINE V Ray2(V x, V y) {
+  return hn::Add(hn::Add(hn::Mul(x, x), hn::Mul(y, y)), Number(1.0));
+}
+
 HWY_INLINE void IntersectPixels(const RowPiece& p, float radius_m, int i, hn::Mask<D> wanted, PredictedRow& row) {
   const D d;
   const V one = Number(1.0);
   const V x = hn::LoadU(d, row.ray_x.data() + i);
-  const V y = hn::LoadU(d, row.ray_y.data() + i);
+  const V y = RaysY(row, i);
   // The ray's point as far away as the piece's middle, from there.
   const V off_x = hn::Sub(hn::Mul(x, Number(p.middle_z_m)), Number(p.middle_x_m));
   const V off_y = hn::Sub(hn::Mul(y, Number(p.middle_z_m)), Number(p.middle_y_m));
-  const V ray2 = hn::Add(hn::Add(hn::Mul(x, x), hn::Mul(y, y)), one);
+  const V ray2 = Ray2(x, y);
   const V ray_along = Dot(x, y, one, p.axis_x, p.axis_y, p.axis_z);
   const V off_along = hn::Add(hn::Mul(off_x, Number(p.axis_x)), hn::Mul(off_y, Number(p.axis_y)));
   const V across2 = hn::Sub(ray2, hn::Mul(ray_along, ray_along));
@@ -57,18 +72,16 @@ HWY_INLINE void IntersectPixels(const RowPiece& p, float radius_m, int i, hn::Ma
   hit = hn::And(hn::And(hit, hn::Gt(depth, hn::Zero(d))),
                 hn::And(hn::Lt(depth, before), hn::And(hn::Ge(from_start, hn::Zero(d)), hn::Gt(to_end, hn::Zero(d)))));
   if (hn::AllFalse(d, hit)) return;
-  const V across = hn::Sqrt(across2);
   const V per_radius = Number(1.0 / static_cast<double>(radius_m));
   const V part = hn::Div(from_start, hn::Add(from_start, to_end));
   const V swept = hn::Add(hn::Sub(hn::Mul(off_y, Number(p.axis_x)), hn::Mul(off_x, Number(p.axis_y))),
                           hn::Mul(hn::Sub(hn::Mul(off_x, y), hn::Mul(off_y, x)), Number(p.axis_z)));
   hn::BlendedStore(depth, hit, d, row.depth_m.data() + i);
   hn::BlendedStore(hn::Add(Number(p.t_start), hn::Mul(part, Number(p.t_length))), hit, d, row.t.data() + i);
-  hn::BlendedStore(hn::Min(one, hn::Div(hn::Mul(root, per_radius), hn::Sqrt(ray2))), hit, d,
-                   row.cos_incidence.data() + i);
-  hn::BlendedStore(hn::Neg(hn::Div(hn::Mul(swept, per_radius), across)), hit, d, row.lateral.data() + i);
+  hn::BlendedStore(hn::Mul(root, per_radius), hit, d, row.slope.data() + i);
+  hn::BlendedStore(hn::Mul(swept, per_radius), hit, d, row.swept.data() + i);
   hn::BlendedStore(hn::Sub(Number(p.middle_z_m), hn::Mul(b, per_across2)), hit, d, row.axis_depth_m.data() + i);
-  hn::BlendedStore(across, hit, d, row.across.data() + i);
+  hn::BlendedStore(across2, hit, d, row.across2.data() + i);
 }
 
 void IntersectRow(const RowPiece& piece, float radius_m, int begin, int end, PredictedRow& row) {
@@ -107,24 +120,47 @@ HWY_INLINE V SigmaAt(const NoiseModel& m, double focal_px, V depth, V cosine) {
   return hn::Sqrt(hn::Add(hn::Add(hn::Mul(gauss, gauss), rounding), lateral2));
 }
 
-/// The reading is of a point up to a pixel beside its ray: the mean over a curved surface lies behind the surface by
-/// half its second derivative times the jitter's variance.
-void JudgeRow(const NoiseModel& noise, double focal_px, double radius_m, int begin, int end, PredictedRow& row) {
+void TakeRow(const NoiseModel& noise, double focal_px, double radius_m, int begin, int end, std::size_t first_cell,
+             int stride, PredictedRow& row, PredictedPixels& pixels) {
   const D d;
+  const hn::RebindToUnsigned<D> du;
   const V one = Number(1.0);
   const V radius = Number(radius_m);
+  const V not_met = hn::Inf(d);
+  std::size_t count = pixels.count;
   for (int i = begin; i < end; i += static_cast<int>(hn::Lanes(d))) {
     const V depth = hn::LoadU(d, row.depth_m.data() + i);
-    const V lateral = hn::LoadU(d, row.lateral.data() + i);
+    const auto met = hn::And(hn::Lt(depth, not_met), hn::FirstN(d, static_cast<std::size_t>(end - i)));
+    if (hn::AllFalse(d, met)) continue;
+    const auto take = [&](const V& value, RecycledVector<float>& column)
+                          HWY_ATTR { hn::StoreU(hn::Compress(value, met), d, column.data() + count); };
+    const V across = hn::Sqrt(hn::LoadU(d, row.across2.data() + i));
+    const V lateral = hn::Neg(hn::Div(hn::LoadU(d, row.swept.data() + i), across));
+    const V ray2 = Ray2(hn::LoadU(d, row.ray_x.data() + i), RaysY(row, i));
+    const V cosine = hn::Min(one, hn::Div(hn::LoadU(d, row.slope.data() + i), hn::Sqrt(ray2)));
     const V pixel = hn::Mul(depth, Number(1.0 / focal_px));
+    // The reading is of a point up to a pixel beside its ray: the mean over a curved surface lies behind the surface
+    // by half its second derivative times the jitter's variance.
     const V cos_section = hn::Sqrt(hn::Max(Number(0.1), hn::Sub(one, hn::Mul(lateral, lateral))));
     const V jitter = hn::Mul(pixel, Number(noise.lateral_px));
-    const V curve = hn::Mul(hn::Mul(hn::Mul(cos_section, cos_section), hn::Mul(cos_section, radius)),
-                            hn::LoadU(d, row.across.data() + i));
-    hn::StoreU(hn::Div(hn::Mul(hn::Sub(one, hn::Abs(lateral)), radius), pixel), d, row.margin_px.data() + i);
-    hn::StoreU(hn::Div(hn::Mul(Number(0.5), hn::Mul(jitter, jitter)), curve), d, row.jitter_bias_m.data() + i);
-    hn::StoreU(SigmaAt(noise, focal_px, depth, hn::LoadU(d, row.cos_incidence.data() + i)), d, row.sigma_m.data() + i);
+    const V curve = hn::Mul(hn::Mul(hn::Mul(cos_section, cos_section), hn::Mul(cos_section, radius)), across);
+    const auto cell =
+        hn::Add(hn::Set(du, static_cast<std::uint32_t>(first_cell)),
+                hn::Mul(hn::Iota(du, static_cast<std::uint32_t>(i)), hn::Set(du, static_cast<std::uint32_t>(stride))));
+    hn::StoreU(hn::Compress(cell, hn::RebindMask(du, met)), du, pixels.cell.data() + count);
+    take(depth, pixels.depth_m);
+    take(hn::LoadU(d, row.t.data() + i), pixels.t);
+    take(cosine, pixels.cos_incidence);
+    take(lateral, pixels.lateral);
+    take(hn::LoadU(d, row.axis_depth_m.data() + i), pixels.axis_depth_m);
+    take(across, pixels.across);
+    take(hn::Div(hn::Mul(hn::Sub(one, hn::Abs(lateral)), radius), pixel), pixels.margin_px);
+    take(hn::Div(hn::Mul(Number(0.5), hn::Mul(jitter, jitter)), curve), pixels.jitter_bias_m);
+    take(SigmaAt(noise, focal_px, depth, cosine), pixels.sigma_m);
+    hn::StoreU(hn::IfThenElse(met, not_met, depth), d, row.depth_m.data() + i);
+    count += hn::CountTrue(d, met);
   }
+  pixels.count = count;
 }
 
 }  // namespace
@@ -136,14 +172,14 @@ HWY_AFTER_NAMESPACE();
 namespace tubetrack {
 
 HWY_EXPORT(IntersectRow);
-HWY_EXPORT(JudgeRow);
+HWY_EXPORT(TakeRow);
 
 PredictedRow make_row(int pixels) {
   constexpr std::size_t kLanes = 16;
   const std::size_t size = static_cast<std::size_t>(pixels) + kLanes;
   PredictedRow row;
-  for (std::vector<float>* buffer : {&row.ray_x, &row.ray_y, &row.t, &row.cos_incidence, &row.lateral,
-                                     &row.axis_depth_m, &row.across, &row.margin_px, &row.jitter_bias_m, &row.sigma_m})
+  for (std::vector<float>* buffer :
+       {&row.ray_x, &row.ray_y, &row.t, &row.axis_depth_m, &row.slope, &row.swept, &row.across2})
     buffer->assign(size, 0.0F);
   row.depth_m.assign(size, std::numeric_limits<float>::infinity());
   return row;
@@ -153,8 +189,9 @@ void intersect_row(const RowPiece& piece, float radius_m, int begin, int end, Pr
   HWY_DYNAMIC_DISPATCH(IntersectRow)(piece, radius_m, begin, end, row);
 }
 
-void judge_row(const NoiseModel& noise, double focal_px, double radius_m, int begin, int end, PredictedRow& row) {
-  HWY_DYNAMIC_DISPATCH(JudgeRow)(noise, focal_px, radius_m, begin, end, row);
+void take_row(const NoiseModel& noise, double focal_px, double radius_m, int begin, int end, std::size_t first_cell,
+              int stride, PredictedRow& row, PredictedPixels& pixels) {
+  HWY_DYNAMIC_DISPATCH(TakeRow)(noise, focal_px, radius_m, begin, end, first_cell, stride, row, pixels);
 }
 
 }  // namespace tubetrack

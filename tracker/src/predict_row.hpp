@@ -1,8 +1,11 @@
 #pragma once
 
+#include <cstddef>
+#include <optional>
 #include <vector>
 
 #include "tubetrack/sensors/noise_model.hpp"
+#include "tubetrack/tracker/predict.hpp"
 
 namespace tubetrack {
 
@@ -22,17 +25,22 @@ struct RowPiece {
 /// row's pixels.
 struct PredictedRow {
   std::vector<float> ray_x, ray_y;
-  std::vector<float> depth_m;  ///< infinite: the tube is not met
-  std::vector<float> t, cos_incidence, lateral, axis_depth_m, across;
-  std::vector<float> margin_px, jitter_bias_m, sigma_m;
+  std::optional<float> same_y;  ///< of all rays of the row; `ray_y` is not read then
+  std::vector<float> depth_m;   ///< infinite: the tube is not met
+  std::vector<float> t, axis_depth_m;
+  // What takes roots and divisions is finished once all pieces were met.
+  std::vector<float> slope;    ///< cosine of incidence, times the ray's length for one metre of z
+  std::vector<float> swept;    ///< minus what is lateral, times across
+  std::vector<float> across2;  ///< square of PredictedPixel's across
 };
 PredictedRow make_row(int pixels);
 
-/// Takes into the row what of the piece is nearer than what is there: depth_m to across, for pixels `begin` to below
-/// `end`.
+/// Takes into the row what of the piece is nearer than what is there, for pixels `begin` to below `end`.
 void intersect_row(const RowPiece& piece, float radius_m, int begin, int end, PredictedRow& row);
 
-/// margin_px, jitter_bias_m and sigma_m from the others. Where the tube is not met they mean nothing.
-void judge_row(const NoiseModel& noise, double focal_px, double radius_m, int begin, int end, PredictedRow& row);
+/// Appends what pixels `begin` to below `end` of the row met, and makes the row ready for the next one. Its pixel 0 is
+/// cell `first_cell`, the next `stride` cells on. There must be room.
+void take_row(const NoiseModel& noise, double focal_px, double radius_m, int begin, int end, std::size_t first_cell,
+              int stride, PredictedRow& row, PredictedPixels& pixels);
 
 }  // namespace tubetrack

@@ -25,8 +25,8 @@ double station_length_m(const HeightMap& map, const TubeModel& model) {
   return std::max(0.002, 2.0 * middle.z() / map.intrinsics.fx_px);
 }
 
-RecycledVector<Station> stations_of(const HeightMap& map, const TubeModel& model,
-                                    const RecycledVector<PredictedPixel>& predicted, double length_m) {
+RecycledVector<Station> stations_of(const HeightMap& map, const TubeModel& model, const PredictedPixels& predicted,
+                                    double length_m) {
   const double spans = model.spline.spans();
   const int count = std::max(1, static_cast<int>(std::ceil(arc_length_m(model.spline, 0.0, spans) / length_m)));
   RecycledVector<Station> stations(static_cast<std::size_t>(count));

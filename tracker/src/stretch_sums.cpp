@@ -66,21 +66,18 @@ HWY_INLINE V Slope(const SpanOfTube& span, std::size_t axis, V s) {
 
 /// `residual_on`, step by step, for as many observations as a vector holds, and what they add to the sums. Lengths
 /// along a ray are in lengths of its direction, σ too, which leaves every sum what it is.
-HWY_INLINE void AddVector(const SpanOfTube& span, const ObservationBlock& block, std::size_t lane, PartialSums& sums) {
+HWY_INLINE void AddVector(const SpanOfTube& span, const ObservedPoint* points, const ObservedRay* rays,
+                          std::size_t lane, PartialSums& sums) {
   const D d;
   const V one = Number(1.0F);
   const V zero = hn::Zero(d);
-  const V x = hn::LoadU(d, block.x.data() + lane);
-  const V y = hn::LoadU(d, block.y.data() + lane);
-  const V z = hn::LoadU(d, block.z.data() + lane);
-  const V dx = hn::LoadU(d, block.direction_x.data() + lane);
-  const V dy = hn::LoadU(d, block.direction_y.data() + lane);
-  const V dz = hn::LoadU(d, block.direction_z.data() + lane);
+  V x, y, z, given_weight, dx, dy, dz, s;
+  hn::LoadInterleaved4(d, &points->x, x, y, z, given_weight);
+  hn::LoadInterleaved4(d, &rays->x, dx, dy, dz, s);
   const V direction2 = Dot(dx, dy, dz, dx, dy, dz);
   const V radius2 = Number(span.radius_m * span.radius_m);
   const V least_a = hn::Mul(Number(1e-6F), direction2);
   const V least_root2 = hn::Mul(Number(0.17F * 0.17F * span.radius_m * span.radius_m), direction2);
-  V s = hn::LoadU(d, block.s.data() + lane);
   V off_x, off_y, off_z, ray_x, ray_y, ray_z, root2, root, shift;
   hn::Mask<D> valid;
   constexpr int kRounds = 4;
@@ -120,7 +117,7 @@ HWY_INLINE void AddVector(const SpanOfTube& span, const ObservationBlock& block,
   const V by_z = hn::Mul(hn::Add(off_z, hn::Mul(shift, ray_z)), per_slope);
   const V by_radius = hn::Mul(Number(span.radius_m), per_slope);
   const V residual = hn::Neg(shift);
-  const V weight = hn::IfThenElseZero(valid, hn::LoadU(d, block.weight.data() + lane));
+  const V weight = hn::IfThenElseZero(valid, given_weight);
   const V weighted_x = hn::Mul(weight, by_x);
   const V weighted_y = hn::Mul(weight, by_y);
   const V weighted_z = hn::Mul(weight, by_z);
@@ -146,10 +143,9 @@ HWY_INLINE void AddVector(const SpanOfTube& span, const ObservationBlock& block,
   add(sums.used, hn::IfThenElseZero(hn::Gt(weight, zero), one));
 }
 
-void AddBlocks(const SpanOfTube& span, const ObservationBlock* blocks, std::size_t count, PartialSums& sums) {
-  for (std::size_t i = 0; i < count; ++i) {
-    for (std::size_t lane = 0; lane < kPartials; lane += hn::Lanes(D())) AddVector(span, blocks[i], lane, sums);
-  }
+void AddObserved(const SpanOfTube& span, const ObservedPoint* points, const ObservedRay* rays, std::size_t count,
+                 PartialSums& sums) {
+  for (std::size_t i = 0; i < count; i += hn::Lanes(D())) AddVector(span, points + i, rays + i, i % kPartials, sums);
 }
 
 }  // namespace
@@ -160,7 +156,7 @@ HWY_AFTER_NAMESPACE();
 #if HWY_ONCE
 namespace tubetrack {
 
-HWY_EXPORT(AddBlocks);
+HWY_EXPORT(AddObserved);
 
 namespace {
 
@@ -199,19 +195,22 @@ void make_room(const Spline& spline, RecycledVector<std::size_t>& count, SortedO
   sorted.origin_m.resize(spans);
   for (std::size_t k = 0; k < spans; ++k) sorted.origin_m[k] = point_at(spline, static_cast<double>(k));
   sorted.first.resize(count.size() + 1);
-  std::size_t blocks = 0;
+  std::size_t room = 0;
   sorted.count = 0;
   for (std::size_t k = 0; k < count.size(); ++k) {
-    sorted.first[k] = blocks;
+    sorted.first[k] = room;
     sorted.count += count[k];
-    blocks += (count[k] + kPartials - 1) / kPartials;
+    room += (count[k] + kPartials - 1) / kPartials * kPartials;
   }
-  sorted.first.back() = blocks;
-  if (sorted.blocks.size() < blocks) sorted.blocks.resize(blocks);
+  sorted.first.back() = room;
+  if (sorted.points.size() < room) {
+    sorted.points.resize(room);
+    sorted.rays.resize(room);
+  }
   const Eigen::Vector3f ahead = Eigen::Vector3f::UnitZ();
   for (std::size_t k = 0; k < count.size(); ++k) {
-    const std::size_t begin = sorted.first[k] * kPartials;
-    for (std::size_t at = begin + count[k]; at < sorted.first[k + 1] * kPartials; ++at)
+    const std::size_t begin = sorted.first[k];
+    for (std::size_t at = begin + count[k]; at < sorted.first[k + 1]; ++at)
       put(Eigen::Vector3f::Zero(), ahead, 0.0F, 0.0F, at, sorted);
     count[k] = begin;
   }
@@ -245,9 +244,9 @@ RecycledVector<StretchSums> sum_stretches(const TubeModel& model, const SortedOb
     const std::size_t span = k / kStretchesPerSpan;
     PartialSums partial{};
     const double radius_m = radius_at(model, (static_cast<double>(k) + 0.5) / kStretchesPerSpan);
-    HWY_DYNAMIC_DISPATCH(AddBlocks)
+    HWY_DYNAMIC_DISPATCH(AddObserved)
     (span_of_tube(curve[span], sorted.origin_m[span], span, curve.size(), radius_m),
-     sorted.blocks.data() + sorted.first[k], count, partial);
+     sorted.points.data() + sorted.first[k], sorted.rays.data() + sorted.first[k], count, partial);
     sums[k] = summed(partial);
   }
   return sums;

@@ -2,7 +2,6 @@
 
 #include <Eigen/Core>
 #include <algorithm>
-#include <array>
 #include <cstddef>
 #include <span>
 
@@ -25,20 +24,23 @@ struct StretchSums {
   int used = 0;  ///< whose ray meets the tube well
 };
 
-/// Observations side by side, as `sum_stretches` takes them; those that only fill up have no weight. Places are from
-/// the start of their span (`SortedObservations::origin_m`), so that floats resolve some billionths of a metre.
-inline constexpr std::size_t kPartials = 8;
-struct ObservationBlock {
-  using Row = std::array<float, kPartials>;
-  Row x, y, z;                                ///< measured point
-  Row direction_x, direction_y, direction_z;  ///< along which it errs, of any length
-  Row weight;                                 ///< 1/σ², with σ in lengths of the direction
-  Row s;                                      ///< place on the centreline, in spans from the start of its span
+/// An observation as `sum_stretches` takes it. Places are from the start of their span
+/// (`SortedObservations::origin_m`), so that floats resolve some billionths of a metre. It is put where it belongs in
+/// one go: the numbers of one side by side, not those of many.
+struct ObservedPoint {
+  float x, y, z;  ///< measured point
+  float weight;   ///< 1/σ², with σ in lengths of the direction
+};
+struct ObservedRay {
+  float x, y, z;  ///< along which it errs, of any length
+  float s;        ///< place on the centreline, in spans from the start of its span
 };
 
-/// Blocks stretch by stretch; each stretch starts a block of its own.
+/// Stretch by stretch, each with so many that vectors take them whole: those that only fill up have no weight.
+inline constexpr std::size_t kPartials = 8;
 struct SortedObservations {
-  RecycledVector<ObservationBlock> blocks;
+  RecycledVector<ObservedPoint> points;
+  RecycledVector<ObservedRay> rays;
   RecycledVector<std::size_t> first;         ///< of each stretch, and one more
   RecycledVector<Eigen::Vector3d> origin_m;  ///< of each span
   std::size_t count = 0;                     ///< observations
@@ -54,16 +56,8 @@ inline std::size_t stretch_of(double t, std::size_t stretches) {
 void make_room(const Spline& spline, RecycledVector<std::size_t>& count, SortedObservations& sorted);
 inline void put(const Eigen::Vector3f& from_origin_m, const Eigen::Vector3f& direction, float weight, float s,
                 std::size_t at, SortedObservations& sorted) {
-  ObservationBlock& block = sorted.blocks[at / kPartials];
-  const std::size_t lane = at % kPartials;
-  block.x[lane] = from_origin_m.x();
-  block.y[lane] = from_origin_m.y();
-  block.z[lane] = from_origin_m.z();
-  block.direction_x[lane] = direction.x();
-  block.direction_y[lane] = direction.y();
-  block.direction_z[lane] = direction.z();
-  block.weight[lane] = weight;
-  block.s[lane] = s;
+  sorted.points[at] = {from_origin_m.x(), from_origin_m.y(), from_origin_m.z(), weight};
+  sorted.rays[at] = {direction.x(), direction.y(), direction.z(), s};
 }
 
 /// One for each eighth of a span. An observation counts where it is expected (`Observation::t`): its own foot on the

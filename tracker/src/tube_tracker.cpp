@@ -192,13 +192,10 @@ const TubeFrame& TubeTracker::track(const DepthFrame& frame) {
   recast(s.votes, s.cast, surfels);  // algorithm 1
   stage.lap(stages.accumulate_ms);
 
-  HiddenCells hidden;
-  hide_others(s.known.tubes, nullptr, nullptr, s.map, hidden);
   const int max_failures = s.known.first_frame ? kFailuresAtFirst : kFailuresLater;
-  auto found = find_tubes(s.votes, surfels, s.cast.now, s.map, s.config, max_failures, deadline, s.failed,
-                          stages);  // algorithm 2, section 2.3
+  auto found = find_tubes(s.votes, surfels, s.cast.now, s.known.tubes, s.map, s.config, max_failures, deadline,
+                          s.failed, stages);  // algorithm 2, section 2.3
   stage = {};
-  show_again(s.map, hidden);
   take_in(s.known, std::move(found), s.map, s.config, frame.timestamp_s);
   stage.lap(stages.fit_ms);
   report_known();

@@ -45,12 +45,12 @@ struct Evidence {
   double taper_sigma = 0.0;
 };
 Evidence gather_evidence(const HeightMap& map, const NoiseModel& noise, const TubeModel& model,
-                         const RecycledVector<PredictedPixel>& predicted, const Extent& extent);
+                         const PredictedPixels& predicted, const Extent& extent);
 
 /// The part of it that the tube's own pixels and their stations tell. Of what lies beside the tube nothing is said yet:
 /// `stands`, `edge_share` and, of the sides, `drops`, `rises` and `straight_share` are as for nothing seen there.
 Evidence surface_evidence(const HeightMap& map, const NoiseModel& noise, const TubeModel& model,
-                          const RecycledVector<PredictedPixel>& predicted, const RecycledVector<Station>& stations,
+                          const PredictedPixels& predicted, const RecycledVector<Station>& stations,
                           const Extent& extent);
 
 /// The other part, which needs pixels of its own.

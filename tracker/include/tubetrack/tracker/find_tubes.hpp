@@ -3,6 +3,7 @@
 #include <span>
 
 #include "tubetrack/tracker/deadline.hpp"
+#include "tubetrack/tracker/follow.hpp"
 #include "tubetrack/tracker/grow.hpp"
 #include "tubetrack/tracker/recast.hpp"
 #include "tubetrack/tracker/recycled.hpp"
@@ -28,10 +29,11 @@ struct FailedPlace {
 /// of the surfels that the tube explains, go on with the best peak that is left. `votes` holds `cast`, one vote a
 /// surfel, and holds it again in the end. Stops after `max_failures` seeds that were no tubes, or with the seed at hand
 /// when the deadline passes; `failed` carries the failures from frame to frame, so that the next frame tries others.
-/// While it runs, readings of `map` that belong to a neighbour are taken out of it; in the end it is as it was.
+/// While it runs, readings of `map` that belong to a `known` tube in sight or to a neighbour are taken out of it; in
+/// the end it is as it was.
 RecycledVector<FoundTube> find_tubes(AccumulationMap& votes, std::span<const Surfel> surfels,
-                                     std::span<const CastVote> cast, HeightMap& map, const TrackerConfig& config,
-                                     int max_failures, Deadline& deadline, RecycledVector<FailedPlace>& failed,
-                                     StageTimes& times);
+                                     std::span<const CastVote> cast, std::span<const FollowedTube> known,
+                                     HeightMap& map, const TrackerConfig& config, int max_failures, Deadline& deadline,
+                                     RecycledVector<FailedPlace>& failed, StageTimes& times);
 
 }  // namespace tubetrack

@@ -36,11 +36,12 @@ struct FollowedTube {
   TubeModel model;
   Extent extent;
   FitQuality quality;
-  double support = 0.0;                   ///< agreeing pixels over expected ones, where it is seen
-  double taper_information = 0.0;         ///< of all looks at its taper (change of radius per length), and
-  double taper_sum = 0.0;                 ///< information times what each showed
-  RecycledVector<Station> stations;       ///< over the whole spline, of the last frame that was fitted
-  RecycledVector<PredictedPixel> pixels;  ///< the same
+  double support = 0.0;              ///< agreeing pixels over expected ones, where it is seen
+  double taper_information = 0.0;    ///< of all looks at its taper (change of radius per length), and
+  double taper_sum = 0.0;            ///< information times what each showed
+  RecycledVector<Station> stations;  ///< over the whole spline, of the last frame that was fitted
+  PredictedPixels pixels;            ///< the same
+  TubeModel predicted;               ///< whose pixels they are, in that frame's camera frame
   double last_seen_s = 0.0;
   int frames_followed = 0;  ///< in sight
   int standing = 0;         ///< how surely it is a tube: up with every frame that says so, down with one that denies it

@@ -15,7 +15,7 @@ struct FoundTube {
   Extent extent;
   FitQuality quality;
   Evidence evidence;
-  RecycledVector<PredictedPixel> pixels;
+  PredictedPixels pixels;
   std::optional<double> held_radius_m = {};  ///< set where the silhouettes, not the surface, say how thick it is
   bool joined = false;                       ///< of two pieces: its ends have not been looked for yet
 };

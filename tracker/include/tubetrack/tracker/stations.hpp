@@ -30,8 +30,8 @@ struct Station {
 double station_length_m(const HeightMap& map, const TubeModel& model);
 
 /// Stations of about `length_m` each, in order of t, over the whole spline.
-RecycledVector<Station> stations_of(const HeightMap& map, const TubeModel& model,
-                                    const RecycledVector<PredictedPixel>& predicted, double length_m);
+RecycledVector<Station> stations_of(const HeightMap& map, const TubeModel& model, const PredictedPixels& predicted,
+                                    double length_m);
 
 /// The stretch of the centreline that is seen: from the first to the last seen station of the run with the most of
 /// them. Runs are joined across gaps that nothing refutes and that are shorter than `max_gap_m`. Empty (begin = end)
