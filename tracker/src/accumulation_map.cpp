@@ -15,10 +15,30 @@ namespace {
 constexpr int kFractionBits = 12;
 constexpr double kOne = 1 << kFractionBits;
 constexpr int kMomentShift = 5;  // directions enter the moments in 1/128
+constexpr Voxel kNothing;
+
+/// std::lround, which is a call; where the integer fits.
+std::int32_t rounded(double value) {
+  const auto whole = static_cast<std::int32_t>(value);
+  const double rest = value - whole;
+  return whole + (rest >= 0.5 ? 1 : 0) - (rest <= -0.5 ? 1 : 0);
+}
 
 VoxelIndex voxel_at_step(const VoteRecord& r, int step) {
   const auto at = [&](std::size_t axis) { return (r.origin[axis] + step * r.direction[axis]) >> kFractionBits; };
   return {at(2), at(1), at(0)};
+}
+
+/// What each step of a record adds to its voxel, but for the steps themselves.
+Voxel vote_of(const VoteRecord& record, std::int32_t weight) {
+  // To the nearest: rounding down would tilt the axis of a tube seen from one side by up to 0.3°.
+  const auto shifted = [](std::int32_t value) { return (value + (1 << kMomentShift) / 2) >> kMomentShift; };
+  const std::int64_t dx = shifted(record.direction[0]);
+  const std::int64_t dy = shifted(record.direction[1]);
+  const std::int64_t dz = shifted(record.direction[2]);
+  return {weight,
+          0,
+          {weight * dx * dx, weight * dx * dy, weight * dx * dz, weight * dy * dy, weight * dy * dz, weight * dz * dz}};
 }
 
 }  // namespace
@@ -50,11 +70,11 @@ VoteRecord vote_record(const Surfel& surfel, double cell_m) {
   if (!fits || surfel.radius_min_m > surfel.radius_max_m) return record;
   for (std::size_t i = 0; i < 3; ++i) {
     const auto axis = static_cast<Eigen::Index>(i);
-    record.origin[i] = static_cast<std::int32_t>(std::lround(surfel.position_m[axis] / cell_m * kOne));
-    record.direction[i] = static_cast<std::int32_t>(std::lround(surfel.inward_normal[axis] * kOne));
+    record.origin[i] = rounded(surfel.position_m[axis] / cell_m * kOne);
+    record.direction[i] = rounded(surfel.inward_normal[axis] * kOne);
   }
-  record.first_step = static_cast<std::int16_t>(std::lround(surfel.radius_min_m / cell_m));
-  record.last_step = static_cast<std::int16_t>(std::lround(surfel.radius_max_m / cell_m));
+  record.first_step = static_cast<std::int16_t>(rounded(surfel.radius_min_m / cell_m));
+  record.last_step = static_cast<std::int16_t>(rounded(surfel.radius_max_m / cell_m));
   return record;
 }
 
@@ -92,23 +112,32 @@ void AccumulationMap::clear() {
   min_votes_ = -1;  // nothing that was remembered holds
 }
 
-AccumulationMap::Block& AccumulationMap::take_block(const VoxelIndex& key) {
-  std::int32_t at = table_.find(key);
-  if (at == BlockTable::kNone) {
-    if (free_blocks_.empty()) {
-      at = static_cast<std::int32_t>(blocks_.size());
-      blocks_.emplace_back();
-    } else {
-      at = free_blocks_.back();
-      free_blocks_.pop_back();
-    }
-    table_.insert(key, at);
-    Block& fresh = blocks_[static_cast<std::size_t>(at)];
-    fresh.key = key;
-    fresh.filled = 0;
-    fresh.changed = false;
+/// The block at `key`, or, where there is none, a fresh one.
+std::int32_t AccumulationMap::find_or_make(const VoxelIndex& key) {
+  const std::int32_t known = table_.find(key);
+  if (known != BlockTable::kNone) return known;
+  auto at = static_cast<std::int32_t>(blocks_.size());
+  if (free_blocks_.empty()) {
+    blocks_.emplace_back();
+  } else {
+    at = free_blocks_.back();
+    free_blocks_.pop_back();
   }
-  Block& block = blocks_[static_cast<std::size_t>(at)];
+  table_.insert(key, at);
+  Block& fresh = blocks_[static_cast<std::size_t>(at)];
+  fresh.key = key;
+  fresh.filled = 0;
+  fresh.changed = false;
+  return at;
+}
+
+AccumulationMap::Block& AccumulationMap::take_block(const VoxelIndex& key) {
+  // Surfels side by side vote in the same blocks. Only a block that stands somewhere is filled.
+  std::size_t& recent = recent_[static_cast<std::size_t>(bit_of(key))];
+  if (recent >= blocks_.size() || blocks_[recent].key != key || blocks_[recent].filled == 0) {
+    recent = static_cast<std::size_t>(find_or_make(key));
+  }
+  Block& block = blocks_[recent];
   if (!block.changed) changed_.push_back(key);
   block.changed = true;
   return block;
@@ -123,21 +152,24 @@ void AccumulationMap::leave_if_empty(const Block& block) {
 void AccumulationMap::vote(Block& block, int bit, const Voxel& one) {
   const std::uint64_t mask = std::uint64_t{1} << bit;
   std::uint32_t& place = block.place[static_cast<std::size_t>(bit)];
-  if ((block.filled & mask) != 0) {
-    voxels_[place] += one;
-  } else if (free_voxels_.empty()) {
-    place = static_cast<std::uint32_t>(voxels_.size());
-    voxels_.push_back(one);
-    votes_.push_back(0);
-  } else {
-    place = free_voxels_.back();
-    free_voxels_.pop_back();
-    voxels_[place] = one;
+  if ((block.filled & mask) == 0) {
+    block.filled |= mask;
+    if (free_voxels_.empty()) {
+      place = static_cast<std::uint32_t>(voxels_.size());
+      voxels_.push_back(one);
+      votes_.push_back(one.votes);
+    } else {
+      place = free_voxels_.back();
+      free_voxels_.pop_back();
+      voxels_[place] = one;
+      votes_[place] = one.votes;
+    }
+    return;
   }
-  const Voxel& now = voxels_[place];
+  Voxel& now = voxels_[place];
+  now += one;
   votes_[place] = now.votes;
-  block.filled |= mask;
-  if (now.votes == 0 && now == Voxel{}) {
+  if (now.votes == 0 && now == kNothing) {
     block.filled &= ~mask;
     free_voxels_.push_back(place);
   }
@@ -145,32 +177,24 @@ void AccumulationMap::vote(Block& block, int bit, const Voxel& one) {
 
 void AccumulationMap::cast(const VoteRecord& record, int sign) {
   const std::int32_t weight = sign * record.weight;
-  if (weight == 0) return;
-  // Rounded to the nearest: rounding down would tilt the axis of a tube seen from one side by up to 0.3°.
-  const auto rounded = [](std::int32_t value) { return (value + (1 << kMomentShift) / 2) >> kMomentShift; };
-  const std::int64_t dx = rounded(record.direction[0]);
-  const std::int64_t dy = rounded(record.direction[1]);
-  const std::int64_t dz = rounded(record.direction[2]);
-  Voxel one{
-      weight,
-      0,
-      {weight * dx * dx, weight * dx * dy, weight * dx * dz, weight * dy * dy, weight * dy * dz, weight * dz * dz}};
-  VoxelIndex last{};
-  VoxelIndex key{};
+  if (weight == 0 || record.first_step > record.last_step) return;
+  Voxel one = vote_of(record, weight);
+  const VoxelIndex first = voxel_at_step(record, record.first_step);
+  VoxelIndex last{~first.z, ~first.y, ~first.x};
   Block* block = nullptr;
   for (int step = record.first_step; step <= record.last_step; ++step) {
     const VoxelIndex index = voxel_at_step(record, step);
-    if (step > record.first_step && index == last) continue;
+    const auto differs = static_cast<std::uint32_t>((index.z ^ last.z) | (index.y ^ last.y) | (index.x ^ last.x));
+    if (differs == 0) continue;
     last = index;
-    if (const VoxelIndex here = block_key(index); !block || here != key) {
+    if (differs >= 4) {  // in more than the lowest two bits: another block
       if (block) leave_if_empty(*block);
-      key = here;
-      block = &take_block(key);
+      block = &take_block(block_key(index));
     }
     one.steps = weight * step;
     vote(*block, bit_of(index), one);
   }
-  if (block) leave_if_empty(*block);
+  leave_if_empty(*block);
 }
 
 Voxel AccumulationMap::at(const VoxelIndex& index) const {

@@ -92,6 +92,7 @@ class AccumulationMap {
 
   void cast(const VoteRecord& record, int sign);
   void vote(Block& block, int bit, const Voxel& one);
+  std::int32_t find_or_make(const VoxelIndex& key);
   Block& take_block(const VoxelIndex& key);
   void leave_if_empty(const Block& block);
   template <typename Visit>
@@ -107,6 +108,7 @@ class AccumulationMap {
   BlockTable table_;
   std::vector<Block> blocks_;
   std::vector<std::int32_t> free_blocks_;
+  std::array<std::size_t, 4 * 4 * 4> recent_{};  // blocks, by the lowest bits of their keys
   std::vector<Voxel> voxels_;
   std::vector<std::int32_t> votes_;  // of the voxels, close together for sums over boxes
   std::vector<std::uint32_t> free_voxels_;
