@@ -14,7 +14,7 @@ namespace {
 struct Looked {
   HeightMap map;
   TubeModel model;
-  RecycledVector<PredictedPixel> pixels;
+  PredictedPixels pixels;
   Extent extent;
 };
 

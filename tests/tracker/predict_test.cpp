@@ -149,7 +149,7 @@ TEST(PredictPixels, WithAStrideAreEverySoManiethOfAll) {
   for (const AxisPoint& point : axis) line.push_back(point.position_m);
   const TubeModel model{spline_along(line, 0.025), 0.02};
   const auto all = predict_pixels(map, NoiseModel{}, model);
-  RecycledVector<PredictedPixel> some;
+  PredictedPixels some;
   for (const int stride : {1, 2, 3}) {
     std::vector<PredictedPixel> wanted;
     std::copy_if(all.begin(), all.end(), std::back_inserter(wanted), [&](const PredictedPixel& pixel) {
