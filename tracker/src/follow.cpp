@@ -49,19 +49,6 @@ void predict(FollowedTube& tube, const HeightMap& map, const TrackerConfig& conf
   tube.predicted = model;
 }
 
-/// Are the tube's pixels nearly those of a model?
-bool has_pixels_of(const FollowedTube& tube, const TubeModel& model) {
-  const Spline& from = tube.predicted.spline;
-  const Spline& to = model.spline;
-  if (from.control_m.size() != to.control_m.size() || from.first_span != to.first_span) return false;
-  if (!model.profile.offset_m.empty() || !tube.predicted.profile.offset_m.empty()) return false;
-  const double most_m = kUnmoved * model.radius_m;
-  for (std::size_t k = 0; k < to.control_m.size(); ++k) {
-    if ((to.control_m[k] - from.control_m[k]).squaredNorm() > most_m * most_m) return false;
-  }
-  return std::abs(model.radius_m - tube.predicted.radius_m) <= most_m;
-}
-
 /// What the frame says of a model whose pixels the tube has: those near it, which are fitted, and all about it, by
 /// which it is found again.
 struct View {
@@ -103,6 +90,15 @@ double moved_m(const TubeModel& from, const TubeModel& to, const Extent& extent)
                          (point_at(to.spline, t) - point_at(from.spline, t)).norm()});
   }
   return farthest;
+}
+
+/// Are the tube's pixels, along what is in sight, nearly those of a model?
+bool has_pixels_of(const FollowedTube& tube, const TubeModel& model) {
+  const TubeModel& of = tube.predicted;
+  const bool same_spans = of.spline.control_m.size() == model.spline.control_m.size() &&
+                          of.spline.first_span == model.spline.first_span;
+  const bool one_radius = of.profile.offset_m.empty() && model.profile.offset_m.empty();
+  return same_spans && one_radius && moved_m(of, model, tube.extent) <= kUnmoved * model.radius_m;
 }
 
 /// Goes over from rest to motion and back. `model` starts where the tube is expected and ends where the frame sees it,
