@@ -183,8 +183,9 @@ std::optional<FoundTube> grow_until_settled(const HeightMap& map, const TrackerC
     if (round > 3 && length_m < length_before_m - found.model.radius_m && ++swings == kMaxSwings) return std::nullopt;
     if ((settled && round >= rounds.before_settled) || round + 1 == rounds.at_most) break;
     length_before_m = length_m;
-    // A long line is known well enough to be followed faster.
-    const int more_spans = std::clamp(static_cast<int>(length_m / (5.0 * found.model.radius_m)), 0, 2);
+    // A long line is known well enough to be followed faster; with shorter ones false tubes were found
+    // (real_frames_test).
+    const int more_spans = std::clamp(static_cast<int>(length_m / (12.0 * found.model.radius_m)), 0, 2);
     reach_beyond(found.model.spline, found.extent, more_spans);
     if (spacing_m(found.model.spline) < 1e-4) return std::nullopt;
     look(map, config, stride, rounds.max_gap_radii, found);
