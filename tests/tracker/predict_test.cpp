@@ -63,7 +63,7 @@ TEST(PredictPixels, LateralRunsFromOneSideToTheOther) {
   const HeightMap map = make_height_map(kCamera);
   const auto pixels = predict_pixels(map, NoiseModel{}, straight_model({0.0, 0.0, 0.8}, Vector3d::UnitX(), 0.1, 0.03));
   ASSERT_FALSE(pixels.empty());
-  const bool top_positive = pixels.front().lateral > 0.0F;
+  const bool top_positive = pixels[0].lateral > 0.0F;
   for (const PredictedPixel& pixel : pixels) {
     EXPECT_EQ(pixel.lateral > 0.0F, (pixel.cell / 320 < 120) == top_positive) << pixel.cell;
   }
@@ -149,7 +149,7 @@ TEST(PredictPixels, WithAStrideAreEverySoManiethOfAll) {
   for (const AxisPoint& point : axis) line.push_back(point.position_m);
   const TubeModel model{spline_along(line, 0.025), 0.02};
   const auto all = predict_pixels(map, NoiseModel{}, model);
-  RecycledVector<PredictedPixel> some;
+  PredictedPixels some;
   for (const int stride : {1, 2, 3}) {
     std::vector<PredictedPixel> wanted;
     std::copy_if(all.begin(), all.end(), std::back_inserter(wanted), [&](const PredictedPixel& pixel) {

@@ -114,7 +114,8 @@ void ChoosePixels(const PixelChoice& choice, const PredictedPixels& pixels, Chos
     const V s = hn::Sub(hn::Min(begun, spans), hn::ConvertTo(d, span));
     const V depth_m = hn::DemoteTo(d, depth);
     const V weight = hn::Div(hn::Set(d, 1.0F), hn::Mul(sigma, sigma));
-    const auto kept = [&](V value) HWY_ATTR { return hn::Compress(value, keep); };
+    const bool all = hn::AllTrue(d, keep);  // as mostly
+    const auto kept = [&](V value) HWY_ATTR { return all ? value : hn::Compress(value, keep); };
     hn::StoreU(hn::Compress(hn::BitCast(du, place), hn::RebindMask(du, keep)), du, chosen.place.data() + count);
     hn::StoreInterleaved4(kept(hn::Mul(depth_m, direction_x)), kept(hn::Mul(depth_m, direction_y)), kept(depth_m),
                           kept(weight), d, &chosen.points[count].x);

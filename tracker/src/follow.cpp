@@ -5,12 +5,9 @@
 #include <optional>
 #include <utility>
 
-#include "confidence.hpp"
-#include "fit_steps.hpp"
 #include "followed_extent.hpp"
-#include "line_ends.hpp"
+#include "frame_fit.hpp"
 #include "motion.hpp"
-#include "observe.hpp"
 #include "pool.hpp"
 
 namespace tubetrack {
@@ -19,73 +16,13 @@ namespace {
 
 constexpr double kRestChi2 = 30.0;      // 6 degrees of freedom: once in 25,000 frames by chance
 constexpr int kFramesToComeToRest = 6;  // long enough for 1 mm/s to show
-constexpr double kHook = 1.0;           // spans at an end that may be bent
-constexpr double kEndTrim = 0.6;        // spans
-constexpr double kRoundness = 3e-4;
-constexpr double kFitGate = 0.1;  // radii: how near a reading must be to be fitted, beside its noise
 // Radii: so little a placing may still move for the fit to take it along. At four times as much a tube that leaves and
 // comes back is lost now and then.
 constexpr double kSettled = 0.005;
 constexpr double kStale = 0.02;  // radii: so far a model may have moved from the one whose pixels were predicted
-// Radii: so little, and at rest the last frame's pixels are taken again. It is a fifth of a pixel's noise or less.
+// Radii: at rest the last pixels are taken again while the model is so near to theirs, far below the noise of a
+// reading.
 constexpr double kUnmoved = 0.005;
-
-FitOptions fit_options(const TrackerConfig& config, const FollowedTube& tube, const Information* prior) {
-  FitOptions options;
-  options.radius_m = config.radius_m ? config.radius_m : tube.held_radius_m;
-  options.varying_radius = config.varying_radius;
-  options.radius_min_m = 0.5 * config.radius_min_m;
-  options.radius_max_m = 1.5 * config.radius_max_m;
-  options.prior = prior;
-  return options;
-}
-
-double inverse(double value) {
-  return value > 0.0 ? 1.0 / value : 0.0;
-}
-
-void predict(FollowedTube& tube, const HeightMap& map, const TrackerConfig& config, const TubeModel& model) {
-  predict_pixels(map, config.noise, model, 1, tube.pixels);
-  tube.predicted = model;
-}
-
-/// Are the tube's pixels nearly those of a model?
-bool has_pixels_of(const FollowedTube& tube, const TubeModel& model) {
-  const Spline& from = tube.predicted.spline;
-  const Spline& to = model.spline;
-  if (from.control_m.size() != to.control_m.size() || from.first_span != to.first_span) return false;
-  if (!model.profile.offset_m.empty() || !tube.predicted.profile.offset_m.empty()) return false;
-  const double most_m = kUnmoved * model.radius_m;
-  for (std::size_t k = 0; k < to.control_m.size(); ++k) {
-    if ((to.control_m[k] - from.control_m[k]).squaredNorm() > most_m * most_m) return false;
-  }
-  return std::abs(model.radius_m - tube.predicted.radius_m) <= most_m;
-}
-
-/// What the frame says of a model whose pixels the tube has: those near it, which are fitted, and all about it, by
-/// which it is found again.
-struct View {
-  ObservedEquations near, all;
-  SortedObservations readings;  ///< those near it, where the radius may vary
-};
-
-/// Of the stretch that is known, short of its ends: what lies there may be the end's own face, or what it touches. A
-/// short piece gives up a tenth at either end.
-View view_of(const FollowedTube& tube, const HeightMap& map, const TrackerConfig& config, const TubeModel& model,
-             double near_radii, double far_radii) {
-  const double trim = std::min(kEndTrim, 0.1 * (tube.extent.t_end - tube.extent.t_begin));
-  const Gates gates{near_radii * model.radius_m, far_radii * model.radius_m, 4.0};
-  thread_local Sighting sighting;  // for its buffers
-  observe(map, config.noise, model.spline, tube.pixels, gates, {tube.extent.t_begin + trim, tube.extent.t_end - trim},
-          sighting);
-  const bool free_radius = !fit_options(config, tube, nullptr).radius_m;
-  View view{observed_equations(model, sighting.near, free_radius), {}, {}};
-  if (config.varying_radius) view.readings = sighting.near;
-  if (far_radii <= near_radii) return view;
-  view.all = observed_equations(model, sighting.far, free_radius);
-  view.all += view.near;
-  return view;
-}
 
 /// The motion from where a model is to where the frame sees it; empty where it sees too little to tell.
 std::optional<MotionEstimate> motion_seen(const FollowedTube& tube, const TubeModel& model, const View& view) {
@@ -103,6 +40,15 @@ double moved_m(const TubeModel& from, const TubeModel& to, const Extent& extent)
                          (point_at(to.spline, t) - point_at(from.spline, t)).norm()});
   }
   return farthest;
+}
+
+/// Are the tube's pixels, along what is in sight, nearly those of a model?
+bool has_pixels_of(const FollowedTube& tube, const TubeModel& model) {
+  const TubeModel& of = tube.predicted;
+  const bool same_spans =
+      of.spline.control_m.size() == model.spline.control_m.size() && of.spline.first_span == model.spline.first_span;
+  const bool one_radius = of.profile.offset_m.empty() && model.profile.offset_m.empty();
+  return same_spans && one_radius && moved_m(of, model, tube.extent) <= kUnmoved * model.radius_m;
 }
 
 /// Goes over from rest to motion and back. `model` starts where the tube is expected and ends where the frame sees it,
@@ -155,110 +101,6 @@ void judge_rest(FollowedTube& tube, const HeightMap& map, const TrackerConfig& c
   tube.anchor = tube.model;
 }
 
-/// One step from a model that is near.
-bool fit_once(FollowedTube& tube, const TrackerConfig& config, TubeModel& model, View view, const Information& prior,
-              const ProfileInformation* profile_prior, bool want_covariance) {
-  FitOptions options = fit_options(config, tube, &prior);
-  options.want_covariance = want_covariance;
-  options.profile_prior = profile_prior;
-  options.prior_has_places = tube.at_rest;
-  options.gauss_newton_steps = 1;
-  auto quality = options.varying_radius && !options.radius_m ? fit_tube(model, view.readings, options)
-                                                             : take_step(model, std::move(view.near), options);
-  if (!quality) return false;
-  const double radius_sigma_m = tube.quality.radius_sigma_m;
-  tube.quality = std::move(*quality);
-  if (tube.held_radius_m) tube.quality.radius_sigma_m = radius_sigma_m;
-  return true;
-}
-
-void take_model(FollowedTube& tube, TubeModel model, const TrackerConfig& config) {
-  tube.model = std::move(model);
-  if (tube.held_radius_m || config.radius_m) return;
-  // The radius may be known no better than to a few parts in ten thousand: no tube is rounder.
-  tube.quality.radius_sigma_m = std::hypot(tube.quality.radius_sigma_m, kRoundness * tube.model.radius_m);
-  tube.radius_information = inverse(tube.quality.radius_sigma_m * tube.quality.radius_sigma_m);
-}
-
-/// Two steps, for a model that may be farther off.
-bool fit_to_frame(FollowedTube& tube, const HeightMap& map, const TrackerConfig& config, TubeModel model) {
-  const Information nothing = no_information(model);
-  predict(tube, map, config, model);
-  if (!fit_once(tube, config, model, view_of(tube, map, config, model, 0.2, 0.2), nothing, nullptr, false))
-    return false;
-  predict(tube, map, config, model);
-  if (!fit_once(tube, config, model, view_of(tube, map, config, model, kFitGate, kFitGate), nothing, nullptr, true))
-    return false;
-  take_model(tube, std::move(model), config);
-  return true;
-}
-
-/// What the tube's pixels, which are predicted, say of its stations, extent, support and state.
-void look(FollowedTube& tube, const HeightMap& map) {
-  const double station_m = station_length_m(map, tube.model);
-  tube.stations = stations_of(map, tube.model, tube.pixels, station_m);
-  const Extent extent = confirmed_extent(tube.stations, tube.extent);
-  int agree = 0, expected = 0, seen = 0, unknown = 0, all = 0;
-  for (const Station& station : tube.stations) {
-    if (station.t < extent.t_begin || station.t > extent.t_end) continue;
-    ++all;
-    unknown += hidden(station) ? 1 : 0;
-    if (!agrees(station)) continue;
-    ++seen;
-    agree += station.agree;
-    expected += station.expected - station.anothers;
-  }
-  tube.support = expected > 0 ? static_cast<double>(agree) / expected : 0.0;
-  const bool enough = seen * station_m >= std::max(tube.model.radius_m, 0.010) && tube.support > 0.7;
-  if (enough) tube.extent = extent;
-  tube.state = enough ? TubeState::tracked : 2 * unknown > all && all > 0 ? TubeState::occluded : TubeState::lost;
-}
-
-/// Goes on along what the image confirms until so many rounds brought nothing more, or none without a bend that no tube
-/// has.
-void lengthen(FollowedTube& tube, const HeightMap& map, const TrackerConfig& config, int patience) {
-  constexpr int kMaxRounds = 40;
-  int stalled = 0;
-  for (int round = 0; round < kMaxRounds && stalled < patience; ++round) {
-    FollowedTube longer = tube;
-    fit_spline_to_extent(longer);
-    if (!fit_to_frame(longer, map, config, longer.model)) return;
-    predict(longer, map, config, longer.model);
-    look(longer, map);
-    if (longer.state != TubeState::tracked) return;
-    if (min_bend_radii(longer.model, longer.extent) < config.min_bend_radii) return;
-    const double gain = (longer.extent.t_end - longer.extent.t_begin) - (tube.extent.t_end - tube.extent.t_begin);
-    tube = std::move(longer);
-    stalled = gain < 0.3 ? stalled + 1 : 0;
-  }
-}
-
-double length_m(const FollowedTube& tube) {
-  return (tube.extent.t_end - tube.extent.t_begin) * kKnotSpacingRadii * tube.model.radius_m;
-}
-
-/// Is one of its ends turned toward the camera? Its face, fitted as the tube's surface, bends the centreline there.
-bool shows_a_face(const FollowedTube& tube) {
-  constexpr double kTurned = 0.25;  // cosine
-  const auto toward_camera = [&](double t, double outward) {
-    const Eigen::Vector3d direction = outward * derivative_at(tube.model.spline, t).normalized();
-    return -direction.dot(point_at(tube.model.spline, t).normalized());
-  };
-  // Two spans inside, where the face has bent nothing yet.
-  constexpr double kInside = 2.0;
-  return toward_camera(tube.extent.t_begin + kInside, -1.0) > kTurned ||
-         toward_camera(tube.extent.t_end - kInside, 1.0) > kTurned;
-}
-
-void pool_first_frame(FollowedTube& tube) {
-  tube.radius_information = inverse(tube.quality.radius_sigma_m * tube.quality.radius_sigma_m);
-  start_pool(tube);
-  tube.pooled = no_information(tube.model);  // the radius is in what was observed
-  add_to_pool(tube);
-  tube.profile_pool = {};
-  add_to_profile_pool(tube);
-}
-
 /// The tube as it is before a frame, but for what that replaces or leaves alone in any case, which is large.
 FollowedTube set_aside(FollowedTube& tube) {
   auto pixels = std::move(tube.pixels);
@@ -286,52 +128,6 @@ void keep_expected(FollowedTube& tube, FollowedTube before, TubeModel expected) 
 }
 
 }  // namespace
-
-FollowedTube start_following(FoundTube found, const HeightMap& map, const TrackerConfig& config, double timestamp_s,
-                             std::int64_t id) {
-  FollowedTube tube;
-  tube.id = id;
-  tube.model = std::move(found.model);
-  tube.extent = found.extent;
-  tube.held_radius_m = found.held_radius_m;
-  tube.quality = std::move(found.quality);
-  tube.support = found.evidence.support;
-  add_look(tube, found.evidence);
-  tube.pixels = std::move(found.pixels);
-  tube.predicted = tube.model;
-  tube.stations = stations_of(map, tube.model, tube.pixels, station_length_m(map, tube.model));
-  // A little more at an end may be the foot of a can or the table that it stands on; much more is tube.
-  FollowedTube longer = tube;
-  lengthen(longer, map, config, found.joined ? 3 : 1);
-  if (found.joined || length_m(longer) - length_m(tube) > 2.0 * tube.model.radius_m) tube = std::move(longer);
-  tube.last_seen_s = timestamp_s;
-  pool_first_frame(tube);
-  return tube;
-}
-
-void pool_without_ends(FollowedTube& tube, const HeightMap& map, const TrackerConfig& config) {
-  if (length_m(tube) <= 8.0 * tube.model.radius_m) return;
-  FollowedTube without = tube;
-  // From ends that were bent into hooks the prior, which takes large bends for granted, would not come back.
-  TubeModel start = tube.model;
-  continue_from(start.spline, tube.extent.t_begin + kHook, tube.extent.t_end - kHook);
-  if (!fit_to_frame(without, map, config, std::move(start))) return;
-  // Where the ends tell much of the radius, that they bend the line costs less than leaving them out.
-  const bool costs_little = without.quality.radius_sigma_m <= 1.1 * tube.quality.radius_sigma_m;
-  if (costs_little && shows_a_face(tube)) {
-    tube.model = std::move(without.model);
-    tube.quality = std::move(without.quality);
-    pool_first_frame(tube);
-    return;
-  }
-  tube.quality.observed = std::move(without.quality.observed);
-  tube.quality.profile = std::move(without.quality.profile);
-  if (!tube.model.profile.offset_m.empty()) {
-    tube.model.radius_m = without.model.radius_m;
-    tube.model.profile = std::move(without.model.profile);
-  }
-  pool_first_frame(tube);
-}
 
 void follow_tube(FollowedTube& tube, const HeightMap& map, const TrackerConfig& config, double timestamp_s,
                  double elapsed_s) {

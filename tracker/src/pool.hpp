@@ -8,6 +8,11 @@ namespace tubetrack {
 
 Information no_information(const TubeModel& model);
 
+/// 1/σ²; 0 for a σ of 0, which says that nothing is known.
+inline double information_of(double sigma) {
+  return sigma > 0.0 ? 1.0 / (sigma * sigma) : 0.0;
+}
+
 /// What earlier frames say of the radius, and nothing of the place.
 Information radius_only(const FollowedTube& tube);
 

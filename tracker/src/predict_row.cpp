@@ -1,5 +1,6 @@
 #include "predict_row.hpp"
 
+#include <algorithm>
 #include <cstddef>
 #include <cstdint>
 #include <limits>
@@ -120,47 +121,62 @@ HWY_INLINE V SigmaAt(const NoiseModel& m, double focal_px, V depth, V cosine) {
   return hn::Sqrt(hn::Add(hn::Add(hn::Mul(gauss, gauss), rounding), lateral2));
 }
 
-void TakeRow(const NoiseModel& noise, double focal_px, double radius_m, int begin, int end, std::size_t first_cell,
-             int stride, PredictedRow& row, PredictedPixels& pixels) {
+/// How many pixels from `i` on, of so many as a vector holds, met the tube one after the other.
+HWY_INLINE int MetInARow(const PredictedRow& row, int i, int end) {
+  const D d;
+  const auto met = hn::And(hn::Lt(hn::LoadU(d, row.depth_m.data() + i), hn::Inf(d)),
+                           hn::FirstN(d, static_cast<std::size_t>(end - i)));
+  const auto first_not = static_cast<int>(hn::FindFirstTrue(d, hn::Not(met)));
+  return first_not < 0 ? static_cast<int>(hn::Lanes(d)) : first_not;
+}
+
+/// Finishes as many pixels from `i` on as a vector holds, and writes them behind those that are there.
+HWY_INLINE void TakePixels(const NoiseModel& noise, double focal_px, double radius_m, int i, std::uint32_t cell,
+                           std::uint32_t stride, const PredictedRow& row, PredictedPixels& pixels) {
   const D d;
   const hn::RebindToUnsigned<D> du;
   const V one = Number(1.0);
   const V radius = Number(radius_m);
-  const V not_met = hn::Inf(d);
-  std::size_t count = pixels.count;
-  for (int i = begin; i < end; i += static_cast<int>(hn::Lanes(d))) {
-    const V depth = hn::LoadU(d, row.depth_m.data() + i);
-    const auto met = hn::And(hn::Lt(depth, not_met), hn::FirstN(d, static_cast<std::size_t>(end - i)));
-    if (hn::AllFalse(d, met)) continue;
-    const auto take = [&](const V& value, RecycledVector<float>& column)
-                          HWY_ATTR { hn::StoreU(hn::Compress(value, met), d, column.data() + count); };
-    const V across = hn::Sqrt(hn::LoadU(d, row.across2.data() + i));
-    const V lateral = hn::Neg(hn::Div(hn::LoadU(d, row.swept.data() + i), across));
-    const V ray2 = Ray2(hn::LoadU(d, row.ray_x.data() + i), RaysY(row, i));
-    const V cosine = hn::Min(one, hn::Div(hn::LoadU(d, row.slope.data() + i), hn::Sqrt(ray2)));
-    const V pixel = hn::Mul(depth, Number(1.0 / focal_px));
-    // The reading is of a point up to a pixel beside its ray: the mean over a curved surface lies behind the surface
-    // by half its second derivative times the jitter's variance.
-    const V cos_section = hn::Sqrt(hn::Max(Number(0.1), hn::Sub(one, hn::Mul(lateral, lateral))));
-    const V jitter = hn::Mul(pixel, Number(noise.lateral_px));
-    const V curve = hn::Mul(hn::Mul(hn::Mul(cos_section, cos_section), hn::Mul(cos_section, radius)), across);
+  const std::size_t at = pixels.count;
+  const V depth = hn::LoadU(d, row.depth_m.data() + i);
+  const V across = hn::Sqrt(hn::LoadU(d, row.across2.data() + i));
+  const V lateral = hn::Neg(hn::Div(hn::LoadU(d, row.swept.data() + i), across));
+  const V ray2 = Ray2(hn::LoadU(d, row.ray_x.data() + i), RaysY(row, i));
+  const V cosine = hn::Min(one, hn::Div(hn::LoadU(d, row.slope.data() + i), hn::Sqrt(ray2)));
+  const V pixel = hn::Mul(depth, Number(1.0 / focal_px));
+  // The reading is of a point up to a pixel beside its ray: the mean over a curved surface lies behind the surface by
+  // half its second derivative times the jitter's variance.
+  const V cos_section = hn::Sqrt(hn::Max(Number(0.1), hn::Sub(one, hn::Mul(lateral, lateral))));
+  const V jitter = hn::Mul(pixel, Number(noise.lateral_px));
+  const V curve = hn::Mul(hn::Mul(hn::Mul(cos_section, cos_section), hn::Mul(cos_section, radius)), across);
+  hn::StoreU(hn::Add(hn::Set(du, cell), hn::Mul(hn::Iota(du, 0), hn::Set(du, stride))), du, pixels.cell.data() + at);
+  hn::StoreU(depth, d, pixels.depth_m.data() + at);
+  hn::StoreU(hn::LoadU(d, row.t.data() + i), d, pixels.t.data() + at);
+  hn::StoreU(cosine, d, pixels.cos_incidence.data() + at);
+  hn::StoreU(lateral, d, pixels.lateral.data() + at);
+  hn::StoreU(hn::LoadU(d, row.axis_depth_m.data() + i), d, pixels.axis_depth_m.data() + at);
+  hn::StoreU(across, d, pixels.across.data() + at);
+  hn::StoreU(hn::Div(hn::Mul(hn::Sub(one, hn::Abs(lateral)), radius), pixel), d, pixels.margin_px.data() + at);
+  hn::StoreU(hn::Div(hn::Mul(Number(0.5), hn::Mul(jitter, jitter)), curve), d, pixels.jitter_bias_m.data() + at);
+  hn::StoreU(SigmaAt(noise, focal_px, depth, cosine), d, pixels.sigma_m.data() + at);
+}
+
+/// Run by run of pixels that met the tube: what a vector holds beyond a run's end is written over by the next.
+void TakeRow(const NoiseModel& noise, double focal_px, double radius_m, int begin, int end, std::size_t first_cell,
+             int stride, PredictedRow& row, PredictedPixels& pixels) {
+  for (int i = begin; i < end;) {
+    const int met = MetInARow(row, i, end);
+    if (met == 0) {
+      ++i;
+      continue;
+    }
     const auto cell =
-        hn::Add(hn::Set(du, static_cast<std::uint32_t>(first_cell)),
-                hn::Mul(hn::Iota(du, static_cast<std::uint32_t>(i)), hn::Set(du, static_cast<std::uint32_t>(stride))));
-    hn::StoreU(hn::Compress(cell, hn::RebindMask(du, met)), du, pixels.cell.data() + count);
-    take(depth, pixels.depth_m);
-    take(hn::LoadU(d, row.t.data() + i), pixels.t);
-    take(cosine, pixels.cos_incidence);
-    take(lateral, pixels.lateral);
-    take(hn::LoadU(d, row.axis_depth_m.data() + i), pixels.axis_depth_m);
-    take(across, pixels.across);
-    take(hn::Div(hn::Mul(hn::Sub(one, hn::Abs(lateral)), radius), pixel), pixels.margin_px);
-    take(hn::Div(hn::Mul(Number(0.5), hn::Mul(jitter, jitter)), curve), pixels.jitter_bias_m);
-    take(SigmaAt(noise, focal_px, depth, cosine), pixels.sigma_m);
-    hn::StoreU(hn::IfThenElse(met, not_met, depth), d, row.depth_m.data() + i);
-    count += hn::CountTrue(d, met);
+        static_cast<std::uint32_t>(first_cell + static_cast<std::size_t>(i) * static_cast<std::size_t>(stride));
+    TakePixels(noise, focal_px, radius_m, i, cell, static_cast<std::uint32_t>(stride), row, pixels);
+    pixels.count += static_cast<std::size_t>(met);
+    i += met;
   }
-  pixels.count = count;
+  std::fill(row.depth_m.begin() + begin, row.depth_m.begin() + end, std::numeric_limits<float>::infinity());
 }
 
 }  // namespace
