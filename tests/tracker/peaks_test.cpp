@@ -43,6 +43,24 @@ RC_GTEST_PROP(Peaks, OfOtherVotesOrAnotherBoxAreLookedForAnew, (const Records& r
   }
 }
 
+RC_GTEST_PROP(Peaks, RememberTheVotesOfTheirBoxAndItsSpreadWhileTheyStay,
+              (const Records& records, const Records& later)) {
+  AccumulationMap map = map_of(records);
+  const auto check = [&] {
+    const std::vector<VoxelIndex>& peaks = map.peaks(2, 1);
+    for (std::size_t i = 0; i < peaks.size(); ++i) {
+      RC_ASSERT(map.peak_votes(i) == map.box_votes(peaks[i], 1));
+      // Asked twice, the second time from memory.
+      for (int k = 0; k < 2; ++k) RC_ASSERT(map.peak_spread(i) == axis_of(map.box(peaks[i], 1)).spread);
+    }
+  };
+  check();
+  for (const VoteRecord& record : later) {
+    map.add(record);
+    check();
+  }
+}
+
 RC_GTEST_PROP(BlockTable, FindsWhatWasInsertedAndNotErased, (const std::vector<std::tuple<int, int, int>>& keys)) {
   BlockTable table;
   std::map<VoxelIndex, std::int32_t> expected;

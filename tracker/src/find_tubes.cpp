@@ -16,8 +16,9 @@ namespace tubetrack {
 namespace {
 
 constexpr int kMinVotes = 12;
-constexpr int kFirstRest = 8;     // frames
-constexpr int kLongestRest = 32;  // a second
+constexpr double kLeastSpread = 0.01;  // what is flat votes alike
+constexpr int kFirstRest = 8;          // frames
+constexpr int kLongestRest = 32;       // a second
 
 /// The traced points around the peak as long as they run smoothly and at one radius.
 RecycledVector<Eigen::Vector3d> smooth_part(const RecycledVector<TracePoint>& trace, const VoxelIndex& peak,
@@ -159,14 +160,18 @@ RecycledVector<FoundTube> find_tubes(AccumulationMap& votes, std::span<const Sur
   bool known_are_hidden = false;  // most frames try no seed at all
   const std::vector<VoxelIndex>& peaks = votes.peaks(kMinVotes, 1);
   watch.lap(times.trace_ms);
-  for (const VoxelIndex& peak : peaks) {
+  for (std::size_t i = 0; i < peaks.size(); ++i) {
     if (failures >= max_failures || deadline.passed()) break;
-    const int votes_there = votes.box_votes(peak, 1);
+    const VoxelIndex& peak = peaks[i];
+    // Until a tube's votes are withdrawn, what was remembered of a peak holds.
+    const bool as_it_was = tubes.empty();
+    if (as_it_was && votes.peak_spread(i) < kLeastSpread) continue;
+    const int votes_there = as_it_was ? votes.peak_votes(i) : votes.box_votes(peak, 1);
     if (votes_there < kMinVotes) continue;
     const Eigen::Vector3d center = votes.center_of(peak);
     if (is_at_rest(failed, center, votes_there, votes.cell_m())) continue;
     const Voxel sum = votes.box(peak, 1);
-    if (axis_of(sum).spread < 0.01) continue;
+    if (!as_it_was && axis_of(sum).spread < kLeastSpread) continue;
     const double radius_at_peak_m = votes.cell_m() * sum.steps / sum.votes;
     TraceOptions options;
     options.step_m = config.radius_m.value_or(radius_at_peak_m);

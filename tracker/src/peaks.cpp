@@ -72,7 +72,7 @@ void AccumulationMap::add_peaks(const Block& block) {
   for (std::uint64_t bits = block.filled; bits != 0; bits &= bits - 1) {
     const int bit = std::countr_zero(bits);
     const int votes = box_votes_of_[block.place[static_cast<std::size_t>(bit)]];
-    if (votes > 0 && !is_beaten(block, bit)) peaks_.push_back({votes, voxel_at_bit(block.key, bit)});
+    if (votes > 0 && !is_beaten(block, bit)) peaks_.push_back({.votes = votes, .voxel = voxel_at_bit(block.key, bit)});
   }
 }
 
@@ -91,6 +91,12 @@ const std::vector<VoxelIndex>& AccumulationMap::peaks(int min_votes, int box_hal
   peak_voxels_.clear();
   for (const Peak& peak : peaks_) peak_voxels_.push_back(peak.voxel);
   return peak_voxels_;
+}
+
+double AccumulationMap::peak_spread(std::size_t i) {
+  Peak& peak = peaks_[i];
+  if (peak.spread < 0.0) peak.spread = axis_of(box(peak.voxel, box_half_)).spread;
+  return peak.spread;
 }
 
 }  // namespace tubetrack

@@ -76,6 +76,10 @@ class AccumulationMap {
   /// most hold a stray vote or none. Remembers what it found: asked the same again, it looks only where votes changed.
   /// Valid until the next call.
   const std::vector<VoxelIndex>& peaks(int min_votes, int box_half);
+  /// Of the i-th of them, as long as no vote has changed since: the votes in its box, and the spread of their axis. The
+  /// spread is found when it is asked for and remembered as long as the peak is.
+  int peak_votes(std::size_t i) const { return peaks_[i].votes; }
+  double peak_spread(std::size_t i);
 
  private:
   struct Block {
@@ -88,6 +92,7 @@ class AccumulationMap {
   struct Peak {
     int votes = 0;
     VoxelIndex voxel;
+    double spread = -1.0;  ///< of the axis of its box; negative until it was asked for
   };
 
   void cast(const VoteRecord& record, int sign);
