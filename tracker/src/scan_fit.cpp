@@ -54,17 +54,25 @@ std::vector<Observation> observations_of(std::span<const Surfel> surfels, const 
   constexpr double kTuning = 3.0;  // a residual of 3 σ counts a quarter
   std::vector<Observation> observations;
   observations.reserve(points.size());
+  // The scale is that of surfels as they stand in the grid: one that is a mean of many errs by that, not less for its
+  // area. Those of less than a grid step's square share their points with their neighbours.
+  double sum_area = 0.0;
+  for (const SurfacePoint& point : points) sum_area += surfels[point.surfel].weight;
+  const double per_area =
+      points.empty() ? 1.0
+                     : static_cast<double>(points.size()) / std::max(sum_area, static_cast<double>(points.size()));
   for (const SurfacePoint& point : points) {
     const double far = (point.distance_m - radius_m) / (kTuning * scale_m);
-    const double area = std::max(1e-3, static_cast<double>(surfels[point.surfel].weight));
+    const double area = std::max(1e-3, per_area * static_cast<double>(surfels[point.surfel].weight));
     // The weight is 1/σ²: the robust one is (1 + far²)⁻².
     const double sigma_m = scale_m * (1.0 + far * far) / std::sqrt(area);
-    observations.push_back({surfels[point.surfel].position_m.cast<double>(), point.inward, sigma_m, point.t});
+    const Eigen::Vector3d point_m = surfels[point.surfel].position_m.cast<double>() - point.lift_m * point.inward;
+    observations.push_back({point_m, point.inward, sigma_m, point.t});
   }
   return observations;
 }
 
-constexpr int kWindowSpans = 80, kMarginSpans = 12;
+constexpr int kWindowSpans = 32, kMarginSpans = 8;
 
 struct Stretch {
   int begin = 0, end = 0;            // spans that the window is fitted over
@@ -106,25 +114,36 @@ FitOptions window_options(const ScanFitOptions& options) {
   window.radius_m = options.radius_m;
   window.radius_min_m = options.radius_min_m;
   window.radius_max_m = options.radius_max_m;
+  window.gauss_newton_steps = options.steps;
   return window;
 }
+
+struct RadiusMean {
+  double sum = 0.0, weights = 0.0;
+
+  void add(double radius_m, double radius_sigma_m) {
+    if (!(radius_sigma_m > 0.0)) return;
+    const double weight = 1.0 / (radius_sigma_m * radius_sigma_m);
+    sum += weight * radius_m;
+    weights += weight;
+  }
+  double radius_m() const { return weights > 0.0 ? sum / weights : 0.0; }
+  double sigma_m() const { return weights > 0.0 ? 1.0 / std::sqrt(weights) : 0.0; }
+};
 
 /// One radius for all windows: free in each, the mean of what they say. 0 where none says anything.
 double pooled_radius_m(const ScanLine& line, const std::vector<Stretch>& stretches,
                        const std::vector<std::vector<Observation>>& parts, const ScanFitOptions& options,
                        double& sigma_m) {
-  double sum = 0.0, weights = 0.0;
+  RadiusMean mean;
+  FitOptions free = window_options(options);
+  free.gauss_newton_steps = 1;
   for (std::size_t i = 0; i < stretches.size(); ++i) {
     TubeModel window = window_of(line.model, stretches[i]);
-    const auto quality = fit_tube(window, parts[i], window_options(options));
-    if (!quality || !(quality->radius_sigma_m > 0.0)) continue;
-    const double weight = 1.0 / (quality->radius_sigma_m * quality->radius_sigma_m);
-    sum += weight * window.radius_m;
-    weights += weight;
+    if (const auto quality = fit_tube(window, parts[i], free)) mean.add(window.radius_m, quality->radius_sigma_m);
   }
-  if (!(weights > 0.0)) return 0.0;
-  sigma_m = 1.0 / std::sqrt(weights);
-  return sum / weights;
+  sigma_m = mean.sigma_m();
+  return mean.radius_m();
 }
 
 /// Takes over the control points that a window speaks for.
@@ -142,12 +161,14 @@ bool fit_windows(ScanLine& line, const std::vector<Observation>& observations, c
   const auto parts = sorted_into(stretches, observations);
   const bool whole = stretches.size() == 1;
   FitOptions fit_options = window_options(options);
-  if (!whole && !options.radius_m) {
+  const bool own_radii = !whole && !options.radius_m && !options.one_radius;
+  if (!whole && !options.radius_m && options.one_radius) {
     line.model.radius_m = pooled_radius_m(line, stretches, parts, options, fit.radius_sigma_m);
     if (!(line.model.radius_m > 0.0)) return false;
     fit_options.radius_m = line.model.radius_m;
   }
-  fit_options.want_covariance = want_covariance;
+  fit_options.want_covariance = want_covariance || own_radii;
+  RadiusMean radii;
   TubeModel fitted = line.model;
   fit.windows.clear();
   for (std::size_t i = 0; i < stretches.size(); ++i) {
@@ -159,13 +180,18 @@ bool fit_windows(ScanLine& line, const std::vector<Observation>& observations, c
       fitted.radius_m = window.radius_m;
       fit.radius_sigma_m = quality->radius_sigma_m;
     }
+    if (own_radii) radii.add(window.radius_m, quality->radius_sigma_m);
     take_core(stretches[i], window.spline, fitted.spline);
     fit.windows.push_back({static_cast<std::size_t>(stretches[i].begin), 1.0 * stretches[i].core_begin,
                            1.0 * stretches[i].core_end, std::move(window.spline),
                            Eigen::MatrixXd(quality->covariance)});
   }
   line.model = std::move(fitted);
-  return !fit.windows.empty();
+  if (own_radii && !fit.windows.empty()) {
+    line.model.radius_m = radii.radius_m();
+    fit.radius_sigma_m = radii.sigma_m();
+  }
+  return !fit.windows.empty() && line.model.radius_m > 0.0;
 }
 
 }  // namespace
@@ -188,17 +214,17 @@ ScanLine scan_line_along(const std::vector<Eigen::Vector3d>& polyline_m, double 
   return line;
 }
 
-std::optional<ScanFit> fit_scan_line(std::span<const Surfel> surfels, std::span<const char> taken, ScanLine& line,
+std::optional<ScanFit> fit_scan_line(const SurfelGrid& grid, std::span<const char> taken, ScanLine& line,
                                      const ScanFitOptions& options) {
   ScanFit fit;
   if (options.radius_m) line.model.radius_m = *options.radius_m;
   for (int round = 0; round < options.rounds; ++round) {
-    std::vector<SurfacePoint> points = points_near(surfels, taken, line);
+    std::vector<SurfacePoint> points = points_near(grid, taken, line, options.every);
     std::erase_if(points, [&](const SurfacePoint& at) { return at.t < options.t_begin || at.t > options.t_end; });
     const double wide_m = round + 1 < options.rounds ? options.first_scale_radii * line.model.radius_m : 0.0;
     const double least_m = std::max(options.least_scale_m, std::ldexp(wide_m, -round));
     const std::vector<Observation> observations =
-        observations_of(surfels, points, line.model.radius_m, least_m, fit.scale_m);
+        observations_of(grid.surfels, points, line.model.radius_m, least_m, fit.scale_m);
     const bool last = round + 1 == options.rounds;
     if (!fit_windows(line, observations, options, last && options.want_covariance, fit)) return std::nullopt;
     if (line.closed()) close_up(line);
