@@ -3,6 +3,7 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
 
 namespace tubetrack {
 
@@ -45,31 +46,40 @@ double robust_scale_m(std::vector<double>& residuals_m, double least_m) {
   return std::max(least_m, kSigmaOfMedian * *middle);
 }
 
-std::vector<Observation> observations_of(std::span<const Surfel> surfels, const std::vector<SurfacePoint>& points,
-                                         double radius_m, double least_scale_m, double& scale_m) {
+/// Surfels near a line as what it is fitted to, each made when it is asked for: a scan has many.
+struct Observed {
+  const SurfelGrid& grid;
+  const std::vector<SurfacePoint>& points;
+  double radius_m = 0.0;
+  double scale_m = 0.0;
+  double per_area = 1.0;
+
+  Observation at(std::uint32_t i) const {
+    constexpr double kTuning = 3.0;  // a residual of 3 σ counts a quarter
+    const SurfacePoint& point = points[i];
+    const Surfel& surfel = grid.surfels[point.surfel];
+    const double far = (point.distance_m - radius_m) / (kTuning * scale_m);
+    const double area = std::max(1e-3, per_area * static_cast<double>(surfel.weight));
+    // The weight is 1/σ²: the robust one is (1 + far²)⁻².
+    const double sigma_m = scale_m * (1.0 + far * far) / std::sqrt(area);
+    return {surfel.position_m.cast<double>() - point.lift_m * point.inward, point.inward, sigma_m, point.t};
+  }
+};
+
+Observed observed_of(const SurfelGrid& grid, const std::vector<SurfacePoint>& points, double radius_m,
+                     double least_scale_m) {
   std::vector<double> residuals_m;
   residuals_m.reserve(points.size());
-  for (const SurfacePoint& point : points) residuals_m.push_back(std::abs(point.distance_m - radius_m));
-  scale_m = robust_scale_m(residuals_m, least_scale_m);
-  constexpr double kTuning = 3.0;  // a residual of 3 σ counts a quarter
-  std::vector<Observation> observations;
-  observations.reserve(points.size());
   // The scale is that of surfels as they stand in the grid: one that is a mean of many errs by that, not less for its
   // area. Those of less than a grid step's square share their points with their neighbours.
   double sum_area = 0.0;
-  for (const SurfacePoint& point : points) sum_area += surfels[point.surfel].weight;
-  const double per_area =
-      points.empty() ? 1.0
-                     : static_cast<double>(points.size()) / std::max(sum_area, static_cast<double>(points.size()));
   for (const SurfacePoint& point : points) {
-    const double far = (point.distance_m - radius_m) / (kTuning * scale_m);
-    const double area = std::max(1e-3, per_area * static_cast<double>(surfels[point.surfel].weight));
-    // The weight is 1/σ²: the robust one is (1 + far²)⁻².
-    const double sigma_m = scale_m * (1.0 + far * far) / std::sqrt(area);
-    const Eigen::Vector3d point_m = surfels[point.surfel].position_m.cast<double>() - point.lift_m * point.inward;
-    observations.push_back({point_m, point.inward, sigma_m, point.t});
+    residuals_m.push_back(std::abs(point.distance_m - radius_m));
+    sum_area += grid.surfels[point.surfel].weight;
   }
-  return observations;
+  const auto count = static_cast<double>(points.size());
+  return {grid, points, radius_m, robust_scale_m(residuals_m, least_scale_m),
+          points.empty() ? 1.0 : count / std::max(sum_area, count)};
 }
 
 constexpr int kWindowSpans = 32, kMarginSpans = 8;
@@ -90,18 +100,31 @@ std::vector<Stretch> stretches_of(int spans) {
   return stretches;
 }
 
-std::vector<std::vector<Observation>> sorted_into(const std::vector<Stretch>& stretches,
-                                                  const std::vector<Observation>& all) {
-  std::vector<std::vector<Observation>> parts(stretches.size());
-  for (const Observation& observation : all) {
-    // Windows overlap with their neighbours at most.
-    for (std::size_t i = 0; i < stretches.size(); ++i) {
-      if (observation.t < stretches[i].begin || observation.t > stretches[i].end) continue;
-      parts[i].push_back(observation);
-      parts[i].back().t -= stretches[i].begin;
+/// The numbers of the points of each stretch.
+std::vector<std::vector<std::uint32_t>> sorted_into(const std::vector<Stretch>& stretches,
+                                                    const std::vector<SurfacePoint>& points) {
+  std::vector<std::vector<std::uint32_t>> parts(stretches.size());
+  const double per_span = static_cast<double>(stretches.size()) / stretches.back().end;
+  for (std::uint32_t k = 0; k < points.size(); ++k) {
+    const double t = points[k].t;
+    // Windows overlap with their neighbours at most, and are alike to a span.
+    const auto own = static_cast<std::size_t>(std::max(0.0, t * per_span));
+    for (std::size_t i = own > 1 ? own - 2 : 0; i < std::min(own + 3, stretches.size()); ++i) {
+      if (t >= stretches[i].begin && t <= stretches[i].end) parts[i].push_back(k);
     }
   }
   return parts;
+}
+
+std::vector<Observation> observations_in(const Stretch& stretch, const std::vector<std::uint32_t>& part,
+                                         const Observed& observed) {
+  std::vector<Observation> observations;
+  observations.reserve(part.size());
+  for (const std::uint32_t k : part) {
+    observations.push_back(observed.at(k));
+    observations.back().t -= stretch.begin;
+  }
+  return observations;
 }
 
 TubeModel window_of(const TubeModel& model, const Stretch& stretch) {
@@ -133,14 +156,15 @@ struct RadiusMean {
 
 /// One radius for all windows: free in each, the mean of what they say. 0 where none says anything.
 double pooled_radius_m(const ScanLine& line, const std::vector<Stretch>& stretches,
-                       const std::vector<std::vector<Observation>>& parts, const ScanFitOptions& options,
-                       double& sigma_m) {
+                       const std::vector<std::vector<std::uint32_t>>& parts, const Observed& observed,
+                       const ScanFitOptions& options, double& sigma_m) {
   RadiusMean mean;
   FitOptions free = window_options(options);
   free.gauss_newton_steps = 1;
   for (std::size_t i = 0; i < stretches.size(); ++i) {
     TubeModel window = window_of(line.model, stretches[i]);
-    if (const auto quality = fit_tube(window, parts[i], free)) mean.add(window.radius_m, quality->radius_sigma_m);
+    const std::vector<Observation> observations = observations_in(stretches[i], parts[i], observed);
+    if (const auto quality = fit_tube(window, observations, free)) mean.add(window.radius_m, quality->radius_sigma_m);
   }
   sigma_m = mean.sigma_m();
   return mean.radius_m();
@@ -155,15 +179,15 @@ void take_core(const Stretch& stretch, const Spline& window, Spline& spline) {
 }
 
 /// Gauss-Newton in every window.
-bool fit_windows(ScanLine& line, const std::vector<Observation>& observations, const ScanFitOptions& options,
-                 bool want_covariance, ScanFit& fit) {
+bool fit_windows(ScanLine& line, const Observed& observed, const ScanFitOptions& options, bool want_covariance,
+                 ScanFit& fit) {
   const std::vector<Stretch> stretches = stretches_of(static_cast<int>(line.model.spline.spans()));
-  const auto parts = sorted_into(stretches, observations);
+  const auto parts = sorted_into(stretches, observed.points);
   const bool whole = stretches.size() == 1;
   FitOptions fit_options = window_options(options);
   const bool own_radii = !whole && !options.radius_m && !options.one_radius;
   if (!whole && !options.radius_m && options.one_radius) {
-    line.model.radius_m = pooled_radius_m(line, stretches, parts, options, fit.radius_sigma_m);
+    line.model.radius_m = pooled_radius_m(line, stretches, parts, observed, options, fit.radius_sigma_m);
     if (!(line.model.radius_m > 0.0)) return false;
     fit_options.radius_m = line.model.radius_m;
   }
@@ -173,7 +197,7 @@ bool fit_windows(ScanLine& line, const std::vector<Observation>& observations, c
   fit.windows.clear();
   for (std::size_t i = 0; i < stretches.size(); ++i) {
     TubeModel window = window_of(line.model, stretches[i]);
-    const auto quality = fit_tube(window, parts[i], fit_options);
+    const auto quality = fit_tube(window, observations_in(stretches[i], parts[i], observed), fit_options);
     if (!quality && whole) return false;
     if (!quality) continue;  // nothing is seen of it: it stays as it was traced
     if (whole) {
@@ -184,7 +208,7 @@ bool fit_windows(ScanLine& line, const std::vector<Observation>& observations, c
     take_core(stretches[i], window.spline, fitted.spline);
     fit.windows.push_back({static_cast<std::size_t>(stretches[i].begin), 1.0 * stretches[i].core_begin,
                            1.0 * stretches[i].core_end, std::move(window.spline),
-                           Eigen::MatrixXd(quality->covariance)});
+                           want_covariance ? Eigen::MatrixXd(quality->covariance) : Eigen::MatrixXd()});
   }
   line.model = std::move(fitted);
   if (own_radii && !fit.windows.empty()) {
@@ -223,10 +247,10 @@ std::optional<ScanFit> fit_scan_line(const SurfelGrid& grid, std::span<const cha
     std::erase_if(points, [&](const SurfacePoint& at) { return at.t < options.t_begin || at.t > options.t_end; });
     const double wide_m = round + 1 < options.rounds ? options.first_scale_radii * line.model.radius_m : 0.0;
     const double least_m = std::max(options.least_scale_m, std::ldexp(wide_m, -round));
-    const std::vector<Observation> observations =
-        observations_of(grid.surfels, points, line.model.radius_m, least_m, fit.scale_m);
+    const Observed observed = observed_of(grid, points, line.model.radius_m, least_m);
+    fit.scale_m = observed.scale_m;
     const bool last = round + 1 == options.rounds;
-    if (!fit_windows(line, observations, options, last && options.want_covariance, fit)) return std::nullopt;
+    if (!fit_windows(line, observed, options, last && options.want_covariance, fit)) return std::nullopt;
     if (line.closed()) close_up(line);
   }
   return fit;

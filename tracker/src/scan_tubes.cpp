@@ -118,6 +118,8 @@ void go_to_level_of(const Octave& octave, std::vector<std::vector<char>>& certai
       finer.assign(level.grid.surfels.size(), 0);
       levels.all.push_back(std::move(level));
     }
+    // They have told what they are for.
+    levels.all[certain.size() - 1].merged_into = {};
     certain.push_back(std::move(finer));
   }
 }
@@ -195,6 +197,7 @@ void search_octave(const Octave& octave, const ScanLevels& levels, const ScanTub
           if (at == own) votes.withdraw(records[index]);
         }
       }
+      tube->points = {};
       candidates.push_back(std::move(*tube));
     } else if (!line_m.empty()) {
       ++failures;
