@@ -40,6 +40,10 @@ Scan mesh_of_tube(const PartChain& chain, const ScanOfTube& how, std::mt19937_64
   Eigen::Vector3d e1 = placed.last_towards;
   std::vector<Eigen::Vector3d> outward;  // of each point, without noise
   const int last_ring = how.closed ? rings - 1 : rings;
+  const auto points = static_cast<std::size_t>(last_ring + 1) * static_cast<std::size_t>(columns);
+  outward.reserve(points);
+  scan.points_m.reserve(points);
+  scan.faces.reserve(2 * static_cast<std::size_t>(how.closed ? rings : last_ring) * static_cast<std::size_t>(around));
   for (int i = 0; i <= last_ring; ++i) {
     const ChainPoint at = point_on(placed, length_m * i / rings);
     turn_frame(at, how, e1);

@@ -16,13 +16,14 @@ using Triangle = std::array<Eigen::Vector3d, 3>;
 /// The corner from which the longest edge runs to the next one.
 std::size_t longest_edge(const Triangle& triangle, double& length) {
   std::size_t longest = 0;
-  length = 0.0;
+  double squared = 0.0;
   for (std::size_t k = 0; k < 3; ++k) {
-    const double edge = (triangle[(k + 1) % 3] - triangle[k]).norm();
-    if (edge <= length) continue;
-    length = edge;
+    const double edge = (triangle[(k + 1) % 3] - triangle[k]).squaredNorm();
+    if (edge <= squared) continue;
+    squared = edge;
     longest = k;
   }
+  length = std::sqrt(squared);
   return longest;
 }
 
@@ -101,12 +102,24 @@ void add_piece(const Face& face, const Triangle& piece, Surfel surfel, double st
   surfels.push_back(surfel);
 }
 
+/// The surfel of a face that need not be cut: all corners share alike in its middle.
+void add_whole(const Face& face, Surfel surfel, double step_area, std::vector<Surfel>& surfels) {
+  const auto& [a, b, c] = face.corners;
+  const Eigen::Vector3d middle_m = (a + b + c) / 3.0;
+  double out_m = 0.0;
+  for (std::size_t k = 0; k < 3; ++k) out_m += (face.corners[k] - middle_m).dot(face.normals[k]) / 6.0;
+  const double twice_area = face.normal.norm();
+  surfel.position_m = (middle_m + out_m / twice_area * face.normal).cast<float>();
+  surfel.weight = static_cast<float>(0.5 * twice_area / step_area);
+  surfels.push_back(surfel);
+}
+
 /// Cuts across the longest edge until no piece has one above the limit. `pieces` is for what is left to cut.
 void add_pieces(const Face& face, double limit_m, const Surfel& surfel, double step_area, std::vector<Triangle>& pieces,
                 std::vector<Surfel>& surfels) {
   double length = 0.0;
   longest_edge(face.corners, length);
-  if (length <= limit_m) return add_piece(face, face.corners, surfel, step_area, surfels);
+  if (length <= limit_m) return add_whole(face, surfel, step_area, surfels);
   pieces.push_back(face.corners);
   while (!pieces.empty()) {
     const Triangle piece = pieces.back();
@@ -185,16 +198,16 @@ RadiusRange default_radius_range(const Scan& scan, std::span<const Surfel> surfe
   range.min_m = (scan.kind == ScanKind::cloud ? 1.5 : 2.0) * scan.grid_step_m;
   if (scan.kind == ScanKind::mesh) {
     // Of all faces: they stand in patterns, and every k-th would show some of the edges alone.
-    std::vector<double> shortest;
+    std::vector<double> shortest;  // squared
     shortest.reserve(scan.faces.size());
     for (const auto& [a, b, c] : scan.faces) {
-      shortest.push_back(
-          std::min({(scan.points_m[a] - scan.points_m[b]).norm(), (scan.points_m[b] - scan.points_m[c]).norm(),
-                    (scan.points_m[c] - scan.points_m[a]).norm()}));
+      shortest.push_back(std::min({(scan.points_m[a] - scan.points_m[b]).squaredNorm(),
+                                   (scan.points_m[b] - scan.points_m[c]).squaredNorm(),
+                                   (scan.points_m[c] - scan.points_m[a]).squaredNorm()}));
     }
     const auto middle = shortest.begin() + static_cast<std::ptrdiff_t>(shortest.size() / 2);
     std::nth_element(shortest.begin(), middle, shortest.end());
-    if (middle != shortest.end()) range.min_m = *middle;
+    if (middle != shortest.end()) range.min_m = std::sqrt(*middle);
   }
   const double diagonal_m = box.isEmpty() ? 0.0 : static_cast<double>(box.diagonal().norm());
   range.max_m = std::max(0.25 * diagonal_m, 2.0 * range.min_m);

@@ -34,9 +34,9 @@ double robust_cost(double residual_m, double scale_m) {
 }
 
 /// The tube's surfels between its ends, each with its place along the tube's own line as a first foot.
-ChainPointSet points_of(const ScanTube& tube, std::span<const Surfel> surfels, double scale_m) {
+ChainPointSet points_of(const ScanTube& tube, const SurfelGrid& grid, double scale_m) {
   const double margin = kUnfittedRadii / kKnotSpacingRadii;
-  std::vector<SurfacePoint> near = points_near(surfels, {}, tube.line);
+  std::vector<SurfacePoint> near = points_near(grid, {}, tube.line);
   std::erase_if(near, [&](const SurfacePoint& point) {
     return point.t < tube.evidence.t_begin + margin || point.t > tube.evidence.t_end - margin;
   });
@@ -58,8 +58,8 @@ ChainPointSet points_of(const ScanTube& tube, std::span<const Surfel> surfels, d
   const double begin_m = length_at(tube.evidence.t_begin);
   ChainPointSet set;
   for (std::size_t i = 0; i < near.size(); i += stride) {
-    const Surfel& surfel = surfels[near[i].surfel];
-    set.points_m.emplace_back(surfel.position_m.cast<double>());
+    const Surfel& surfel = grid.surfels[near[i].surfel];
+    set.points_m.emplace_back(surfel.position_m.cast<double>() - near[i].lift_m * near[i].inward);
     set.area.push_back(std::max(1e-3, static_cast<double>(surfel.weight)));
     set.foot_m.push_back(length_at(near[i].t) - begin_m);
     set.sum_area += set.area.back();
@@ -82,6 +82,7 @@ struct SurfaceResidual {
   Eigen::Vector3d outward;
   double residual_m = 0.0;
   double weight = 0.0;
+  double pull = 0.0;  ///< how much of a move against the residual it takes back: the weighted residual's derivative
 };
 
 SurfaceResidual residual_of(const PlacedChain& placed, double radius_m, double scale_m, std::size_t i,
@@ -96,6 +97,7 @@ SurfaceResidual residual_of(const PlacedChain& placed, double radius_m, double s
   const double far = one.residual_m / (kTuning * scale_m);
   const double sigma_m = scale_m * (1.0 + far * far);
   one.weight = set.area[i] / (sigma_m * sigma_m);
+  one.pull = one.weight * (1.0 - 3.0 * far * far) / (1.0 + far * far);
   return one;
 }
 
@@ -124,7 +126,7 @@ double err_together(double scale_m, ChainPointSet& set, const SurfaceFit& fit) {
   constexpr double kSectors = 6.0;
   const PlacedChain placed = place(fit.chain);
   std::map<std::pair<int, int>, double> patches;
-  double weights = 0.0;
+  double weights = 0.0, pulls = 0.0;
   for (std::size_t i = 0; i < set.points_m.size(); ++i) {
     const SurfaceResidual one = residual_of(placed, fit.radius_m, scale_m, i, set);
     const double angle_rad =
@@ -133,12 +135,17 @@ double err_together(double scale_m, ChainPointSet& set, const SurfaceFit& fit) {
              static_cast<int>(std::floor(angle_rad * kSectors / (2.0 * std::numbers::pi)))}] +=
         one.weight * one.residual_m;
     weights += one.weight;
+    pulls += one.pull;
   }
   double squares = 0.0;
   for (const auto& [patch, sum] : patches) squares += sum * sum;
   const auto filled = static_cast<double>(patches.size());
   const auto parameters = static_cast<double>(fit.equations.gradient.size());
-  return squares / weights * filled / std::max(1.0, filled - parameters);
+  const double together = std::max(1.0, squares / weights * filled / std::max(1.0, filled - parameters));
+  // The equations have the weights for what pulls the chain back, and what stands out pulls less than its weight.
+  constexpr double kLeastPull = 0.3;
+  const double pull = std::max(kLeastPull, pulls / weights);
+  return together / (pull * pull);
 }
 
 /// Levenberg-Marquardt with points taken to err by `scale_m`. False where it breaks down.
@@ -215,12 +222,12 @@ bool trim_to(const Eigen::Vector3d& begin_m, const Eigen::Vector3d& end_m, doubl
 
 }  // namespace
 
-std::optional<FittedChain> fit_chain_to_surface(const PartChain& initial, const ScanTube& tube,
-                                                std::span<const Surfel> surfels, const ScanTubesConfig& config) {
+std::optional<FittedChain> fit_chain_to_surface(const PartChain& initial, const ScanTube& tube, const SurfelGrid& grid,
+                                                const ScanTubesConfig& config) {
   if (initial.bends.empty() || tube.line.closed()) return std::nullopt;
   constexpr double kLeastScaleSteps = 0.02;
   const double scale_m = std::max(tube.fit.scale_m, kLeastScaleSteps * config.grid_step_m);
-  ChainPointSet set = points_of(tube, surfels, scale_m);
+  ChainPointSet set = points_of(tube, grid, scale_m);
   SurfaceFit fit{opened(initial, tube.line.model.radius_m), tube.line.model.radius_m, 0.0, {}};
   if (set.points_m.size() < 4 * static_cast<std::size_t>(parameter_count(fit.chain))) return std::nullopt;
   const bool radius_known = config.radius_m.has_value();
@@ -231,11 +238,13 @@ std::optional<FittedChain> fit_chain_to_surface(const PartChain& initial, const 
   for (double wide_m = kFirstScaleRadii * fit.radius_m; wide_m > 2.0 * scale_m; wide_m *= 0.3) {
     if (!improve(wide_m, kFirstStride, kFirstSteps, radius_known, set, fit)) return std::nullopt;
   }
-  if (!improve(scale_m, 1, kLastSteps, radius_known, set, fit)) return std::nullopt;
+  for (const std::size_t stride : {kFirstStride, std::size_t{1}}) {
+    if (!improve(scale_m, stride, kLastSteps, radius_known, set, fit)) return std::nullopt;
+  }
   constexpr double kAsGood = 1.3, kMisfits = 0.005;
   if (!(fit.cost < kAsGood * set.line_cost + kMisfits * set.sum_area)) return std::nullopt;
   const Eigen::MatrixXd covariance =
-      std::max(1.0, err_together(scale_m, set, fit)) * inverse_where_decided(fit.chain, fit.equations.normal);
+      err_together(scale_m, set, fit) * inverse_where_decided(fit.chain, fit.equations.normal);
   const Spline& spline = tube.line.model.spline;
   if (!trim_to(point_at(spline, tube.evidence.t_begin), point_at(spline, tube.evidence.t_end), fit.radius_m, fit.chain))
     return std::nullopt;
@@ -245,9 +254,8 @@ std::optional<FittedChain> fit_chain_to_surface(const PartChain& initial, const 
     return std::nullopt;
   if (!(initial.closing_m > 0.0) && fit.chain.closing_m < told_apart_m) return std::nullopt;
   // What all of the section errs by alike, measured on meshes (docs/bends.md); less of it says less.
-  constexpr double kEndSteps = 0.012;
-  const double all_m =
-      kEndSteps * config.grid_step_m * std::sqrt(2.0 * std::numbers::pi / std::max(1.0, tube.evidence.arc_rad));
+  constexpr double kEndSteps = 0.009;
+  const double all_m = kEndSteps * config.grid_step_m * 2.0 * std::numbers::pi / std::max(1.0, tube.evidence.arc_rad);
   return with_covariance(fit.chain, covariance, std::hypot(all_m, tube.evidence.begin_sigma_m),
                          std::hypot(all_m, tube.evidence.end_sigma_m));
 }

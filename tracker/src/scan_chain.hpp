@@ -1,7 +1,6 @@
 #pragma once
 
 #include <optional>
-#include <span>
 #include <vector>
 
 #include "scan_grow.hpp"
@@ -14,7 +13,7 @@ namespace tubetrack {
 /// surfels' residuals, summed over patches of the surface, since neighbouring surfels of a mesh share their corners and
 /// err together. Nothing where the chain, whose number of bends stays, does not fit as well as the tube's own line, and
 /// where it begins or ends within a bend.
-std::optional<FittedChain> fit_chain_to_surface(const PartChain& initial, const ScanTube& tube,
-                                                std::span<const Surfel> surfels, const ScanTubesConfig& config);
+std::optional<FittedChain> fit_chain_to_surface(const PartChain& initial, const ScanTube& tube, const SurfelGrid& grid,
+                                                const ScanTubesConfig& config);
 
 }  // namespace tubetrack

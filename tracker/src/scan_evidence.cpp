@@ -40,22 +40,30 @@ std::vector<Frame> frames_along(const Spline& spline, const std::vector<ScanStat
   return frames;
 }
 
+/// To 0.0003 rad, a five-hundredth of a bin; std::atan2 would be half of what a look takes.
 double angle_of(const Eigen::Vector3d& outward, const Frame& frame) {
-  return std::atan2(outward.dot(frame.e2), outward.dot(frame.e1));
+  const double x = outward.dot(frame.e1), y = outward.dot(frame.e2);
+  const double ax = std::abs(x), ay = std::abs(y);
+  const double most = std::max(ax, ay);
+  const double a = most > 0.0 ? std::min(ax, ay) / most : 0.0;
+  const double s = a * a;
+  double angle = ((-0.0464964749 * s + 0.15931422) * s - 0.327622764) * s * a + a;
+  if (ay > ax) angle = 0.5 * std::numbers::pi - angle;
+  if (x < 0.0) angle = std::numbers::pi - angle;
+  return y < 0.0 ? -angle : angle;
 }
 
+/// Of angles from −2π on.
 int bin_of(double angle_rad) {
-  const int bin = static_cast<int>(std::floor(angle_rad / kBin_rad));
-  return (bin % kBins + kBins) % kBins;
+  return static_cast<int>((angle_rad + 2.0 * std::numbers::pi) / kBin_rad) % kBins;
 }
 
 /// The bins that a surfel reaching `half_rad` to either side fills.
 std::uint64_t bins_around(double angle_rad, double half_rad) {
-  const int first = static_cast<int>(std::floor((angle_rad - half_rad) / kBin_rad));
-  const int last = static_cast<int>(std::floor((angle_rad + half_rad) / kBin_rad));
-  std::uint64_t bins = 0;
-  for (int k = first; k <= last && k < first + kBins; ++k) bins |= std::uint64_t{1} << ((k % kBins + kBins) % kBins);
-  return bins;
+  const int first = bin_of(angle_rad - half_rad), last = bin_of(angle_rad + half_rad);
+  const auto up_to = [](int bin) { return (std::uint64_t{2} << bin) - 1; };
+  const std::uint64_t from_first = ~(up_to(first) >> 1), to_last = up_to(last);
+  return (first <= last ? from_first & to_last : from_first | to_last) & up_to(kBins - 1);
 }
 
 struct RadiusSums {
@@ -71,7 +79,7 @@ struct RadiusSums {
 struct Sections {
   std::vector<std::uint64_t> by_place, by_normal;  // one a station
   std::vector<std::array<RadiusSums, kBins>> radii;
-  std::vector<std::vector<PlacedArea>> agreeing;
+  std::vector<double> agreeing;  // how many surfels
 };
 
 void set_arcs(const Sections& sections, double min_arc_rad, std::vector<ScanStation>& stations) {
@@ -106,16 +114,50 @@ std::pair<std::size_t, std::size_t> best_run(const std::vector<ScanStation>& sta
   return best;
 }
 
-/// Where the tube ends, by the surfels of the four stations (2 radii) from `station` on.
-TubeEnd end_at(const Sections& sections, std::size_t station, bool front, double spacing_spans) {
-  constexpr std::size_t kStations = 4;
-  std::vector<PlacedArea> areas;
-  std::size_t outer = 0;  // of the two outermost stations
-  for (std::size_t i = 0, at = station; i < kStations && at < sections.agreeing.size(); ++i, at += front ? 1 : -1) {
-    areas.insert(areas.end(), sections.agreeing[at].begin(), sections.agreeing[at].end());
-    if (i < 2) outer = areas.size();
+/// What is looked at, and how.
+struct Look {
+  std::span<const Surfel> surfels;
+  const std::vector<SurfacePoint>& points;
+  double radius_m = 0.0;
+  double agree_m = 0.0;        ///< how far off a surfel that agrees is at most
+  double station_spans = 0.0;  ///< from one to the next
+  std::vector<Frame> frames;   ///< of the stations
+
+  std::size_t station_of(const SurfacePoint& point) const {
+    return std::min(static_cast<std::size_t>(point.t / station_spans), frames.size() - 1);
   }
-  return end_of(std::move(areas), outer, front, spacing_spans);
+  bool agrees(const SurfacePoint& point) const {
+    return point.facing >= kAgreeFacing && std::abs(point.distance_m - radius_m) <= agree_m;
+  }
+};
+
+Look look_along(std::span<const Surfel> surfels, const std::vector<SurfacePoint>& points, const ScanLine& line,
+                double scale_m, const std::vector<ScanStation>& stations) {
+  const double radius_m = line.model.radius_m;
+  return {surfels,
+          points,
+          radius_m,
+          std::clamp(kAgreeSigmas * scale_m, kAgreeRadii * radius_m, kMostAgreeRadii * radius_m),
+          line.model.spline.spans() / static_cast<double>(stations.size()),
+          frames_along(line.model.spline, stations)};
+}
+
+/// Where the tube ends, by the surfels of the four stations (2 radii) from `station` on.
+TubeEnd end_at(const Look& look, std::size_t station, bool front, double spacing_spans) {
+  constexpr std::size_t kStations = 4, kOuter = 2;
+  std::vector<PlacedArea> outer, inner;
+  for (const SurfacePoint& point : look.points) {
+    const std::size_t at = look.station_of(point);
+    const std::size_t inward = front ? at - station : station - at;  // wraps to a large number beyond the end
+    if (inward >= kStations || !look.agrees(point)) continue;
+    const int bin = bin_of(angle_of(-point.inward, look.frames[at]));
+    (inward < kOuter ? outer : inner)
+        .push_back({point.t, look.surfels[point.surfel].weight, bin * kEndSectors / kBins});
+  }
+  if (outer.empty() && inner.empty()) return {look.station_spans * static_cast<double>(front ? station : station + 1)};
+  const std::size_t outermost = outer.size();
+  outer.insert(outer.end(), inner.begin(), inner.end());
+  return end_of(std::move(outer), outermost, front, spacing_spans);
 }
 
 /// RMS of the section's shape against its mean, over stretches of four radii (a section that turns along a long tube
@@ -129,7 +171,7 @@ double profile_rms(const Sections& sections, std::size_t first, std::size_t last
     std::array<RadiusSums, kBins> bins{};
     double pooled = 0.0;
     for (; end <= last && (end < begin + kPooled || pooled < kEnough); ++end) {
-      pooled += static_cast<double>(sections.agreeing[end].size());
+      pooled += sections.agreeing[end];
       for (std::size_t bin = 0; bin < kBins; ++bin) bins[bin] += sections.radii[end][bin];
     }
     double filled = 0.0, mean_m = 0.0, scatter = 0.0;
@@ -176,38 +218,53 @@ double length_between(const Spline& spline, double t_begin, double t_end) {
 }
 
 /// Sorts the points into the stations, and those that agree into the sections' bins.
-Sections gather(std::span<const Surfel> surfels, const std::vector<SurfacePoint>& points, const ScanLine& line,
-                double spacing_m, double scale_m, std::vector<ScanStation>& stations) {
-  const double radius_m = line.model.radius_m;
+Sections gather(const Look& look, double spacing_m, std::vector<ScanStation>& stations) {
   const std::size_t count = stations.size();
-  const double station_spans = line.model.spline.spans() / static_cast<double>(count);
-  const std::vector<Frame> frames = frames_along(line.model.spline, stations);
   Sections sections;
   sections.by_place.resize(count);
   sections.by_normal.resize(count);
   sections.radii.resize(count);
   sections.agreeing.resize(count);
-  const double agree_m = std::clamp(kAgreeSigmas * scale_m, kAgreeRadii * radius_m, kMostAgreeRadii * radius_m);
-  const double half_rad = std::min(0.75 * spacing_m / radius_m, 0.4);
-  for (const SurfacePoint& point : points) {
-    const auto at = std::min(static_cast<std::size_t>(point.t / station_spans), count - 1);
-    const double weight = surfels[point.surfel].weight;
+  const double half_rad = std::min(0.75 * spacing_m / look.radius_m, 0.4);
+  for (const SurfacePoint& point : look.points) {
+    const std::size_t at = look.station_of(point);
+    const Surfel& surfel = look.surfels[point.surfel];
+    const double weight = surfel.weight;
     stations[at].facing += weight;
-    if (point.facing < kAgreeFacing || std::abs(point.distance_m - radius_m) > agree_m) continue;
+    if (!look.agrees(point)) continue;
     stations[at].agree += weight;
     stations[at].radius_m += weight * point.distance_m;
-    const double place_rad = angle_of(-point.inward, frames[at]);
-    const Eigen::Vector3d outward = -surfels[point.surfel].inward_normal.cast<double>();
+    const double place_rad = angle_of(-point.inward, look.frames[at]);
     sections.by_place[at] |= bins_around(place_rad, half_rad);
-    sections.by_normal[at] |= bins_around(angle_of(outward, frames[at]), half_rad);
-    const auto bin = static_cast<std::size_t>(bin_of(place_rad));
-    sections.radii[at][bin] += {1.0, point.distance_m, point.distance_m * point.distance_m};
-    sections.agreeing[at].push_back({point.t, weight, static_cast<int>(bin) * kEndSectors / kBins});
+    sections.by_normal[at] |= bins_around(angle_of(-surfel.inward_normal.cast<double>(), look.frames[at]), half_rad);
+    sections.radii[at][static_cast<std::size_t>(bin_of(place_rad))] +=
+        {1.0, point.distance_m, point.distance_m * point.distance_m};
+    sections.agreeing[at] += 1.0;
   }
   for (ScanStation& station : stations) {
     if (station.agree > 0.0) station.radius_m /= station.agree;
   }
   return sections;
+}
+
+/// The seen stretch: from the first station of the run to its last, to where the surface ends.
+void set_stretch(const Look& look, std::size_t first, std::size_t last, const ScanLine& line, double spacing_m,
+                 ScanEvidence& evidence) {
+  const Spline& spline = line.model.spline;
+  const double span_m = length_between(spline, 0.0, spline.spans()) / spline.spans();
+  const TubeEnd begin = end_at(look, first, true, spacing_m / span_m),
+                end = end_at(look, last, false, spacing_m / span_m);
+  evidence.t_begin = std::max(0.0, begin.t);
+  evidence.t_end = std::min(spline.spans(), end.t);
+  evidence.begin_sigma_m = begin.sigma * span_m;
+  evidence.end_sigma_m = end.sigma * span_m;
+  if (line.closed() && first <= static_cast<std::size_t>(line.overlap / look.station_spans) &&
+      evidence.t_end >= line.overlap + line.period - look.station_spans) {
+    evidence.t_begin = line.overlap;
+    evidence.t_end = line.overlap + line.period;
+  }
+  evidence.t_end = std::max(evidence.t_begin, evidence.t_end);
+  evidence.length_m = length_between(spline, evidence.t_begin, evidence.t_end);
 }
 
 /// Arc and support over the stations of a run.
@@ -236,30 +293,42 @@ ScanEvidence look_at(std::span<const Surfel> surfels, const std::vector<SurfaceP
   const double station_spans = spline.spans() / static_cast<double>(count);
   evidence.stations.resize(count);
   for (std::size_t i = 0; i < count; ++i) evidence.stations[i].t = (static_cast<double>(i) + 0.5) * station_spans;
-  const Sections sections = gather(surfels, points, line, spacing_m, scale_m, evidence.stations);
+  const Look look = look_along(surfels, points, line, scale_m, evidence.stations);
+  const Sections sections = gather(look, spacing_m, evidence.stations);
   set_arcs(sections, min_arc_rad, evidence.stations);
   const auto [first, last] = best_run(evidence.stations);
   if (first > last) return evidence;
-  const double spacing_spans = spacing_m / (line_m / spline.spans());
-  const TubeEnd begin = end_at(sections, first, true, spacing_spans),
-                end = end_at(sections, last, false, spacing_spans);
-  evidence.t_begin = std::max(0.0, begin.t);
-  evidence.t_end = std::min(spline.spans(), end.t);
-  evidence.begin_sigma_m = begin.sigma * line_m / spline.spans();
-  evidence.end_sigma_m = end.sigma * line_m / spline.spans();
-  if (line.closed() && first <= static_cast<std::size_t>(line.overlap / station_spans) &&
-      evidence.t_end >= line.overlap + line.period - station_spans) {
-    evidence.t_begin = line.overlap;
-    evidence.t_end = line.overlap + line.period;
-  }
-  evidence.t_end = std::max(evidence.t_begin, evidence.t_end);
-  evidence.length_m = length_between(spline, evidence.t_begin, evidence.t_end);
+  set_stretch(look, first, last, line, spacing_m, evidence);
   sum_up(first, last, evidence);
   evidence.spacing_radii = spacing_m / radius_m;
   evidence.scale_radii = scale_m / radius_m;
   evidence.profile_rms_radii = profile_rms(sections, first, last);
   evidence.taper = taper_of(evidence.stations, first, last, line_m / static_cast<double>(count));
   return evidence;
+}
+
+void look_at_ends(std::span<const Surfel> surfels, const ScanLine& line, double spacing_m, double scale_m,
+                  ScanEvidence& evidence) {
+  const auto [first, last] = best_run(evidence.stations);
+  if (first > last) return;
+  // Four stations inward, and as far again from the line as points_near looks.
+  const double reach_m = 4.0 * line.model.radius_m;
+  const std::array<Eigen::Vector3d, 2> ends_m{point_at(line.model.spline, evidence.t_begin),
+                                              point_at(line.model.spline, evidence.t_end)};
+  std::vector<Surfel> near;
+  for (const Surfel& surfel : surfels) {
+    const Eigen::Vector3d place_m = surfel.position_m.cast<double>();
+    if ((place_m - ends_m[0]).squaredNorm() < reach_m * reach_m ||
+        (place_m - ends_m[1]).squaredNorm() < reach_m * reach_m)
+      near.push_back(surfel);
+  }
+  // Hardly any of them is taken together with another.
+  constexpr double kApart = 0.05;
+  std::vector<std::uint32_t> merged_into;
+  const SurfelGrid grid = merged_by_cell(near, {}, {}, kApart * spacing_m, merged_into);
+  const std::vector<SurfacePoint> points = points_near(grid, {}, line);
+  set_stretch(look_along(grid.surfels, points, line, scale_m, evidence.stations), first, last, line, spacing_m,
+              evidence);
 }
 
 std::optional<std::string> why_no_scan_tube(const ScanEvidence& evidence, double radius_m,

@@ -38,6 +38,11 @@ struct ScanEvidence {
 ScanEvidence look_at(std::span<const Surfel> surfels, const std::vector<SurfacePoint>& points, const ScanLine& line,
                      double spacing_m, double scale_m, double min_arc_rad);
 
+/// The ends of the seen stretch once more, by all surfels of the scan near them: the mean of a cell does not tell where
+/// in it the surface ends. Arguments as `look_at`'s, which made the evidence.
+void look_at_ends(std::span<const Surfel> surfels, const ScanLine& line, double spacing_m, double scale_m,
+                  ScanEvidence& evidence);
+
 /// DESIGN section 2, "A tube": long, round and enough of it seen. The reason when it is none.
 std::optional<std::string> why_no_scan_tube(const ScanEvidence& evidence, double radius_m,
                                             const ScanTubesConfig& config);

@@ -3,6 +3,7 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
 
 namespace tubetrack {
 
@@ -45,26 +46,43 @@ double robust_scale_m(std::vector<double>& residuals_m, double least_m) {
   return std::max(least_m, kSigmaOfMedian * *middle);
 }
 
-std::vector<Observation> observations_of(std::span<const Surfel> surfels, const std::vector<SurfacePoint>& points,
-                                         double radius_m, double least_scale_m, double& scale_m) {
-  std::vector<double> residuals_m;
-  residuals_m.reserve(points.size());
-  for (const SurfacePoint& point : points) residuals_m.push_back(std::abs(point.distance_m - radius_m));
-  scale_m = robust_scale_m(residuals_m, least_scale_m);
-  constexpr double kTuning = 3.0;  // a residual of 3 σ counts a quarter
-  std::vector<Observation> observations;
-  observations.reserve(points.size());
-  for (const SurfacePoint& point : points) {
+/// Surfels near a line as what it is fitted to, each made when it is asked for: a scan has many.
+struct Observed {
+  const SurfelGrid& grid;
+  const std::vector<SurfacePoint>& points;
+  double radius_m = 0.0;
+  double scale_m = 0.0;
+  double per_area = 1.0;
+
+  Observation at(std::uint32_t i) const {
+    constexpr double kTuning = 3.0;  // a residual of 3 σ counts a quarter
+    const SurfacePoint& point = points[i];
+    const Surfel& surfel = grid.surfels[point.surfel];
     const double far = (point.distance_m - radius_m) / (kTuning * scale_m);
-    const double area = std::max(1e-3, static_cast<double>(surfels[point.surfel].weight));
+    const double area = std::max(1e-3, per_area * static_cast<double>(surfel.weight));
     // The weight is 1/σ²: the robust one is (1 + far²)⁻².
     const double sigma_m = scale_m * (1.0 + far * far) / std::sqrt(area);
-    observations.push_back({surfels[point.surfel].position_m.cast<double>(), point.inward, sigma_m, point.t});
+    return {surfel.position_m.cast<double>() - point.lift_m * point.inward, point.inward, sigma_m, point.t};
   }
-  return observations;
+};
+
+Observed observed_of(const SurfelGrid& grid, const std::vector<SurfacePoint>& points, double radius_m,
+                     double least_scale_m) {
+  std::vector<double> residuals_m;
+  residuals_m.reserve(points.size());
+  // The scale is that of surfels as they stand in the grid: one that is a mean of many errs by that, not less for its
+  // area. Those of less than a grid step's square share their points with their neighbours.
+  double sum_area = 0.0;
+  for (const SurfacePoint& point : points) {
+    residuals_m.push_back(std::abs(point.distance_m - radius_m));
+    sum_area += grid.surfels[point.surfel].weight;
+  }
+  const auto count = static_cast<double>(points.size());
+  return {grid, points, radius_m, robust_scale_m(residuals_m, least_scale_m),
+          points.empty() ? 1.0 : count / std::max(sum_area, count)};
 }
 
-constexpr int kWindowSpans = 80, kMarginSpans = 12;
+constexpr int kWindowSpans = 32, kMarginSpans = 8;
 
 struct Stretch {
   int begin = 0, end = 0;            // spans that the window is fitted over
@@ -82,18 +100,31 @@ std::vector<Stretch> stretches_of(int spans) {
   return stretches;
 }
 
-std::vector<std::vector<Observation>> sorted_into(const std::vector<Stretch>& stretches,
-                                                  const std::vector<Observation>& all) {
-  std::vector<std::vector<Observation>> parts(stretches.size());
-  for (const Observation& observation : all) {
-    // Windows overlap with their neighbours at most.
-    for (std::size_t i = 0; i < stretches.size(); ++i) {
-      if (observation.t < stretches[i].begin || observation.t > stretches[i].end) continue;
-      parts[i].push_back(observation);
-      parts[i].back().t -= stretches[i].begin;
+/// The numbers of the points of each stretch.
+std::vector<std::vector<std::uint32_t>> sorted_into(const std::vector<Stretch>& stretches,
+                                                    const std::vector<SurfacePoint>& points) {
+  std::vector<std::vector<std::uint32_t>> parts(stretches.size());
+  const double per_span = static_cast<double>(stretches.size()) / stretches.back().end;
+  for (std::uint32_t k = 0; k < points.size(); ++k) {
+    const double t = points[k].t;
+    // Windows overlap with their neighbours at most, and are alike to a span.
+    const auto own = static_cast<std::size_t>(std::max(0.0, t * per_span));
+    for (std::size_t i = own > 1 ? own - 2 : 0; i < std::min(own + 3, stretches.size()); ++i) {
+      if (t >= stretches[i].begin && t <= stretches[i].end) parts[i].push_back(k);
     }
   }
   return parts;
+}
+
+std::vector<Observation> observations_in(const Stretch& stretch, const std::vector<std::uint32_t>& part,
+                                         const Observed& observed) {
+  std::vector<Observation> observations;
+  observations.reserve(part.size());
+  for (const std::uint32_t k : part) {
+    observations.push_back(observed.at(k));
+    observations.back().t -= stretch.begin;
+  }
+  return observations;
 }
 
 TubeModel window_of(const TubeModel& model, const Stretch& stretch) {
@@ -106,25 +137,37 @@ FitOptions window_options(const ScanFitOptions& options) {
   window.radius_m = options.radius_m;
   window.radius_min_m = options.radius_min_m;
   window.radius_max_m = options.radius_max_m;
+  window.gauss_newton_steps = options.steps;
   return window;
 }
 
-/// One radius for all windows: free in each, the mean of what they say. 0 where none says anything.
-double pooled_radius_m(const ScanLine& line, const std::vector<Stretch>& stretches,
-                       const std::vector<std::vector<Observation>>& parts, const ScanFitOptions& options,
-                       double& sigma_m) {
+struct RadiusMean {
   double sum = 0.0, weights = 0.0;
-  for (std::size_t i = 0; i < stretches.size(); ++i) {
-    TubeModel window = window_of(line.model, stretches[i]);
-    const auto quality = fit_tube(window, parts[i], window_options(options));
-    if (!quality || !(quality->radius_sigma_m > 0.0)) continue;
-    const double weight = 1.0 / (quality->radius_sigma_m * quality->radius_sigma_m);
-    sum += weight * window.radius_m;
+
+  void add(double radius_m, double radius_sigma_m) {
+    if (!(radius_sigma_m > 0.0)) return;
+    const double weight = 1.0 / (radius_sigma_m * radius_sigma_m);
+    sum += weight * radius_m;
     weights += weight;
   }
-  if (!(weights > 0.0)) return 0.0;
-  sigma_m = 1.0 / std::sqrt(weights);
-  return sum / weights;
+  double radius_m() const { return weights > 0.0 ? sum / weights : 0.0; }
+  double sigma_m() const { return weights > 0.0 ? 1.0 / std::sqrt(weights) : 0.0; }
+};
+
+/// One radius for all windows: free in each, the mean of what they say. 0 where none says anything.
+double pooled_radius_m(const ScanLine& line, const std::vector<Stretch>& stretches,
+                       const std::vector<std::vector<std::uint32_t>>& parts, const Observed& observed,
+                       const ScanFitOptions& options, double& sigma_m) {
+  RadiusMean mean;
+  FitOptions free = window_options(options);
+  free.gauss_newton_steps = 1;
+  for (std::size_t i = 0; i < stretches.size(); ++i) {
+    TubeModel window = window_of(line.model, stretches[i]);
+    const std::vector<Observation> observations = observations_in(stretches[i], parts[i], observed);
+    if (const auto quality = fit_tube(window, observations, free)) mean.add(window.radius_m, quality->radius_sigma_m);
+  }
+  sigma_m = mean.sigma_m();
+  return mean.radius_m();
 }
 
 /// Takes over the control points that a window speaks for.
@@ -136,36 +179,43 @@ void take_core(const Stretch& stretch, const Spline& window, Spline& spline) {
 }
 
 /// Gauss-Newton in every window.
-bool fit_windows(ScanLine& line, const std::vector<Observation>& observations, const ScanFitOptions& options,
-                 bool want_covariance, ScanFit& fit) {
+bool fit_windows(ScanLine& line, const Observed& observed, const ScanFitOptions& options, bool want_covariance,
+                 ScanFit& fit) {
   const std::vector<Stretch> stretches = stretches_of(static_cast<int>(line.model.spline.spans()));
-  const auto parts = sorted_into(stretches, observations);
+  const auto parts = sorted_into(stretches, observed.points);
   const bool whole = stretches.size() == 1;
   FitOptions fit_options = window_options(options);
-  if (!whole && !options.radius_m) {
-    line.model.radius_m = pooled_radius_m(line, stretches, parts, options, fit.radius_sigma_m);
+  const bool own_radii = !whole && !options.radius_m && !options.one_radius;
+  if (!whole && !options.radius_m && options.one_radius) {
+    line.model.radius_m = pooled_radius_m(line, stretches, parts, observed, options, fit.radius_sigma_m);
     if (!(line.model.radius_m > 0.0)) return false;
     fit_options.radius_m = line.model.radius_m;
   }
-  fit_options.want_covariance = want_covariance;
+  fit_options.want_covariance = want_covariance || own_radii;
+  RadiusMean radii;
   TubeModel fitted = line.model;
   fit.windows.clear();
   for (std::size_t i = 0; i < stretches.size(); ++i) {
     TubeModel window = window_of(line.model, stretches[i]);
-    const auto quality = fit_tube(window, parts[i], fit_options);
+    const auto quality = fit_tube(window, observations_in(stretches[i], parts[i], observed), fit_options);
     if (!quality && whole) return false;
     if (!quality) continue;  // nothing is seen of it: it stays as it was traced
     if (whole) {
       fitted.radius_m = window.radius_m;
       fit.radius_sigma_m = quality->radius_sigma_m;
     }
+    if (own_radii) radii.add(window.radius_m, quality->radius_sigma_m);
     take_core(stretches[i], window.spline, fitted.spline);
     fit.windows.push_back({static_cast<std::size_t>(stretches[i].begin), 1.0 * stretches[i].core_begin,
                            1.0 * stretches[i].core_end, std::move(window.spline),
-                           Eigen::MatrixXd(quality->covariance)});
+                           want_covariance ? Eigen::MatrixXd(quality->covariance) : Eigen::MatrixXd()});
   }
   line.model = std::move(fitted);
-  return !fit.windows.empty();
+  if (own_radii && !fit.windows.empty()) {
+    line.model.radius_m = radii.radius_m();
+    fit.radius_sigma_m = radii.sigma_m();
+  }
+  return !fit.windows.empty() && line.model.radius_m > 0.0;
 }
 
 }  // namespace
@@ -188,19 +238,19 @@ ScanLine scan_line_along(const std::vector<Eigen::Vector3d>& polyline_m, double 
   return line;
 }
 
-std::optional<ScanFit> fit_scan_line(std::span<const Surfel> surfels, std::span<const char> taken, ScanLine& line,
+std::optional<ScanFit> fit_scan_line(const SurfelGrid& grid, std::span<const char> taken, ScanLine& line,
                                      const ScanFitOptions& options) {
   ScanFit fit;
   if (options.radius_m) line.model.radius_m = *options.radius_m;
   for (int round = 0; round < options.rounds; ++round) {
-    std::vector<SurfacePoint> points = points_near(surfels, taken, line);
+    std::vector<SurfacePoint> points = points_near(grid, taken, line, options.every);
     std::erase_if(points, [&](const SurfacePoint& at) { return at.t < options.t_begin || at.t > options.t_end; });
     const double wide_m = round + 1 < options.rounds ? options.first_scale_radii * line.model.radius_m : 0.0;
     const double least_m = std::max(options.least_scale_m, std::ldexp(wide_m, -round));
-    const std::vector<Observation> observations =
-        observations_of(surfels, points, line.model.radius_m, least_m, fit.scale_m);
+    const Observed observed = observed_of(grid, points, line.model.radius_m, least_m);
+    fit.scale_m = observed.scale_m;
     const bool last = round + 1 == options.rounds;
-    if (!fit_windows(line, observations, options, last && options.want_covariance, fit)) return std::nullopt;
+    if (!fit_windows(line, observed, options, last && options.want_covariance, fit)) return std::nullopt;
     if (line.closed()) close_up(line);
   }
   return fit;

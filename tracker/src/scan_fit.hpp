@@ -5,7 +5,7 @@
 #include <span>
 #include <vector>
 
-#include "tubetrack/heightmap/surfel.hpp"
+#include "scan_grid.hpp"
 #include "tubetrack/tracker/fit.hpp"
 
 namespace tubetrack {
@@ -27,7 +27,8 @@ ScanLine scan_line_along(const std::vector<Eigen::Vector3d>& polyline_m, double 
 struct SurfacePoint {
   std::uint32_t surfel = 0;
   double t = 0.0;                                     ///< its foot on the centreline
-  double distance_m = 0.0;                            ///< from the centreline
+  double lift_m = 0.0;                                ///< the surface lies so far outward of the surfel, a mean
+  double distance_m = 0.0;                            ///< of the surface from the centreline
   Eigen::Vector3d inward = Eigen::Vector3d::UnitX();  ///< unit, from the point to its foot
   double facing = 0.0;                                ///< cosine between that and the surfel's inward normal
 };
@@ -36,9 +37,9 @@ struct SurfacePoint {
 /// the axis, and that lie between half of the radius and 1.5 radii from it, their normals within 60° of pointing at the
 /// axis, and within 24° of the section, which leaves out most of a rounded end. In the order of the surfels; where a
 /// closed line overlaps itself, once for each of its places. `taken`: one flag a surfel, those set are left out; may be
-/// empty.
-std::vector<SurfacePoint> points_near(std::span<const Surfel> surfels, std::span<const char> taken,
-                                      const ScanLine& line);
+/// empty. `every`: only those whose number it divides.
+std::vector<SurfacePoint> points_near(const SurfelGrid& grid, std::span<const char> taken, const ScanLine& line,
+                                      std::size_t every = 1);
 
 /// A stretch of the fit with its covariance, FitQuality's, of control points `first` and on.
 struct FitWindow {
@@ -64,6 +65,9 @@ struct ScanFitOptions {
   double t_end = 1e9;
   double first_scale_radii = 0.0;  ///< the first rounds take surfels to err by so much, halved each time
   int rounds = 2;                  ///< of choosing surfels and Gauss-Newton
+  int steps = 2;                   ///< of Gauss-Newton in each
+  std::size_t every = 1;           ///< to every so many of the surfels
+  bool one_radius = true;          ///< of all windows of a long line; else each has its own, which is quicker
   bool want_covariance = false;
 };
 
@@ -71,7 +75,7 @@ struct ScanFitOptions {
 /// of all nodes together and weighted by area): residuals along the tube's own normal, those that stand out count less
 /// (Geman-McClure). Long lines are fitted in windows, so that the time grows with the length alone. Nothing where too
 /// few surfels are near, or the radius leaves its range.
-std::optional<ScanFit> fit_scan_line(std::span<const Surfel> surfels, std::span<const char> taken, ScanLine& line,
+std::optional<ScanFit> fit_scan_line(const SurfelGrid& grid, std::span<const char> taken, ScanLine& line,
                                      const ScanFitOptions& options);
 
 }  // namespace tubetrack

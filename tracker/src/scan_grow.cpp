@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 
 namespace tubetrack {
 
@@ -9,6 +10,8 @@ namespace {
 
 constexpr int kMaxRounds = 64;
 constexpr double kLeastScaleSteps = 0.02;
+// So far from an octave's radii a seed's may be, and a tube's, which may get thicker or thinner.
+constexpr double kSeedBelow = 0.9, kSeedAbove = 1.1, kTubeBelow = 0.75, kTubeAbove = 1.33;
 
 ScanFitOptions fit_options(const ScanSurface& surface, const ScanTubesConfig& config, int rounds) {
   ScanFitOptions options;
@@ -21,13 +24,21 @@ ScanFitOptions fit_options(const ScanSurface& surface, const ScanTubesConfig& co
   return options;
 }
 
+/// Of a line that may lie far off.
+ScanFitOptions first_options(const ScanSurface& surface, const ScanTubesConfig& config) {
+  ScanFitOptions options = fit_options(surface, config, 3);
+  options.first_scale_radii = 0.2;  // or an oval is taken for the rounder of its sides
+  return options;
+}
+
 bool fit_and_look(const ScanSurface& surface, const ScanTubesConfig& config, const ScanFitOptions& options,
                   ScanTube& tube) {
-  auto fit = fit_scan_line(surface.surfels, surface.taken, tube.line, options);
+  auto fit = fit_scan_line(surface.grid, surface.taken, tube.line, options);
   if (!fit) return false;
   tube.fit = std::move(*fit);
-  tube.evidence = look_at(surface.surfels, points_near(surface.surfels, surface.taken, tube.line), tube.line,
-                          surface.spacing_m, tube.fit.scale_m, config.min_arc_rad);
+  tube.points = points_near(surface.grid, surface.taken, tube.line);
+  tube.evidence =
+      look_at(surface.grid.surfels, tube.points, tube.line, surface.spacing_m, tube.fit.scale_m, config.min_arc_rad);
   return tube.evidence.t_end > tube.evidence.t_begin;
 }
 
@@ -57,14 +68,14 @@ std::vector<Eigen::Vector3d> points_of(const ScanLine& line) {
   return points_m;
 }
 
-/// Knots as far apart as the radius asks for: a seed's radius may be off by half.
-void knot_again(ScanTube& tube) {
+/// Knots as far apart as the radius asks for: a seed's radius may be off by half. True where they were not.
+bool knot_again(ScanTube& tube) {
   const Spline& spline = tube.line.model.spline;
   const double middle = std::floor(0.5 * spline.spans());
   const double spacing_m = (point_at(spline, middle + 1.0) - point_at(spline, middle)).norm();
   const double wanted_m = kKnotSpacingRadii * tube.line.model.radius_m;
   constexpr double kNear = 0.1;
-  if (std::abs(spacing_m - wanted_m) < kNear * wanted_m) return;
+  if (std::abs(spacing_m - wanted_m) < kNear * wanted_m) return false;
   const double old_spans = spline.spans();
   const bool closed = tube.line.closed();
   tube.line = scan_line_along(points_of(tube.line), tube.line.model.radius_m, closed);
@@ -75,6 +86,7 @@ void knot_again(ScanTube& tube) {
     tube.evidence.t_begin *= tube.line.model.spline.spans() / old_spans;
     tube.evidence.t_end *= tube.line.model.spline.spans() / old_spans;
   }
+  return true;
 }
 
 bool goes_all_around(const ScanTube& tube) {
@@ -122,18 +134,46 @@ std::pair<bool, bool> ends_go_on(const ScanTube& tube) {
   return {tube.evidence.t_begin < near, tube.line.model.spline.spans() - tube.evidence.t_end < near};
 }
 
+/// Every so many surfels suffice while a line grows: those of a span are some two dozen then.
+std::size_t enough(double radius_m, double cell_m) {
+  constexpr double kOfSpan = 24.0;
+  const double cells = 2.0 * std::numbers::pi * kKnotSpacingRadii * radius_m * radius_m / (cell_m * cell_m);
+  return static_cast<std::size_t>(std::clamp(cells / kOfSpan, 1.0, 1000.0));
+}
+
 }  // namespace
+
+double radius_at_seed(const ScanSurface& surface, const ScanSeed& seed, const Octave& octave,
+                      const ScanTubesConfig& config) {
+  ScanTube piece;
+  piece.line = scan_line_along(seed.line_m, config.radius_m.value_or(seed.radius_m), false);
+  ScanFitOptions options = first_options(surface, config);
+  options.radius_min_m = kSeedBelow * octave.radius_min_m;
+  options.radius_max_m = kSeedAbove * octave.radius_max_m;
+  return fit_and_look(surface, config, options, piece) ? piece.line.model.radius_m : 0.0;
+}
+
+bool is_of_octave(double radius_m, const Octave& octave, const ScanTubesConfig& config) {
+  return config.radius_m ||
+         (radius_m >= kTubeBelow * octave.radius_min_m && radius_m <= kTubeAbove * octave.radius_max_m);
+}
 
 std::optional<ScanTube> grow_scan_tube(const ScanSurface& surface, const ScanSeed& seed,
                                        const ScanTubesConfig& config) {
   ScanTube tube;
   tube.line = scan_line_along(seed.line_m, config.radius_m.value_or(seed.radius_m), seed.closed);
-  ScanFitOptions first = fit_options(surface, config, 3);
-  first.first_scale_radii = 0.2;  // or an oval is taken for the rounder of its sides
-  const ScanFitOptions again = fit_options(surface, config, 1);
+  ScanFitOptions first = first_options(surface, config), again = fit_options(surface, config, 1);
+  constexpr double kLongSpans = 8.0;  // a short piece wants all that there is
+  if (tube.line.model.spline.spans() > kLongSpans) {
+    if (!seed.closed) extend(tube.line.model.spline, true, true);  // a trace stops a step before the end
+    for (ScanFitOptions* options : {&first, &again}) {
+      options->steps = 1;
+      options->one_radius = false;
+      options->every = enough(tube.line.model.radius_m, surface.grid.cell_m);
+    }
+  }
   if (!fit_and_look(surface, config, first, tube)) return std::nullopt;
-  knot_again(tube);
-  if (!fit_and_look(surface, config, again, tube)) return std::nullopt;
+  if (knot_again(tube) && !fit_and_look(surface, config, again, tube)) return std::nullopt;
   for (int round = 0; round < kMaxRounds && !goes_all_around(tube); ++round) {
     const bool closing = close_if_ends_meet(tube);
     if (!closing) {
@@ -170,7 +210,7 @@ std::optional<ScanTube> join_scan_tubes(const ScanSurface& surface, const ScanTu
     ScanTube joined;
     joined.line = scan_line_along(line_m, radius_m, false);
     joined.evidence.t_end = joined.line.model.spline.spans();
-    if (!refine_scan_tube(surface, config, joined)) continue;
+    if (!refine_scan_tube(surface, config, false, joined)) continue;
     constexpr double kWhole = 0.95;
     if (joined.evidence.length_m < kWhole * (a.evidence.length_m + b.evidence.length_m)) continue;
     return joined;
@@ -178,10 +218,9 @@ std::optional<ScanTube> join_scan_tubes(const ScanSurface& surface, const ScanTu
   return std::nullopt;
 }
 
-bool refine_scan_tube(const ScanSurface& surface, const ScanTubesConfig& config, ScanTube& tube) {
+bool refine_scan_tube(const ScanSurface& surface, const ScanTubesConfig& config, bool fitted, ScanTube& tube) {
   ScanFitOptions options = fit_options(surface, config, 1);
-  knot_again(tube);
-  if (!fit_and_look(surface, config, options, tube)) return false;
+  if ((knot_again(tube) || !fitted) && !fit_and_look(surface, config, options, tube)) return false;
   // Of two pieces that were joined the other ends may meet too.
   if (close_if_ends_meet(tube) && !fit_and_look(surface, config, options, tube)) return false;
   if (!goes_all_around(tube)) trim(tube);
@@ -193,6 +232,8 @@ bool refine_scan_tube(const ScanSurface& surface, const ScanTubesConfig& config,
     options.t_end = tube.evidence.t_end - kUnfitted;
   }
   if (!fit_and_look(surface, config, options, tube)) return false;
+  // What the surface is judged by is how far apart the scan's own points are.
+  tube.evidence.spacing_radii = std::min(tube.evidence.spacing_radii, config.grid_step_m / tube.line.model.radius_m);
   return !why_no_scan_tube(tube.evidence, tube.line.model.radius_m, config);
 }
 

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstddef>
 #include <optional>
 #include <span>
 #include <vector>
@@ -14,21 +15,31 @@ struct ScanTube {
   ScanLine line;
   ScanFit fit;
   ScanEvidence evidence;
+  std::vector<SurfacePoint> points;  ///< that the evidence is of, at the line as it is
+  std::size_t level = 0;             ///< the grid that it was fitted to last, find_scan_tubes' numbers
 };
 
 /// Surfels to fit to, and those among them that belong to another tube.
 struct ScanSurface {
-  std::span<const Surfel> surfels;
+  const SurfelGrid& grid;
   std::span<const char> taken;  ///< one flag a surfel, or empty
-  double spacing_m = 0.0;
+  double spacing_m = 0.0;       ///< how far apart surfels are
 };
 
-/// From a seed to a fitted tube: fit, cut off what no surfel bears out, go on at both ends while surfels do; a line
-/// whose ends meet is closed. Nothing where there is no tube.
+/// A tube of another octave's radii is found by that one's own votes, which lead along all of it.
+bool is_of_octave(double radius_m, const Octave& octave, const ScanTubesConfig& config);
+
+/// The radius of the surface around a seed, by a fit of it; 0 where there is no tube, or none of the octave.
+double radius_at_seed(const ScanSurface& surface, const ScanSeed& seed, const Octave& octave,
+                      const ScanTubesConfig& config);
+
+/// From a seed, whose radius has been fitted, to a tube: fit, cut off what no surfel bears out, go on at both ends
+/// while surfels do; a line whose ends meet is closed. Nothing where there is no tube.
 std::optional<ScanTube> grow_scan_tube(const ScanSurface& surface, const ScanSeed& seed, const ScanTubesConfig& config);
 
-/// Fits a tube to another, finer set of surfels. False where it is no tube there.
-bool refine_scan_tube(const ScanSurface& surface, const ScanTubesConfig& config, ScanTube& tube);
+/// The last fit of a tube, with covariance; to another set of surfels than it was `fitted` to, from the beginning.
+/// False where it is no tube there.
+bool refine_scan_tube(const ScanSurface& surface, const ScanTubesConfig& config, bool fitted, ScanTube& tube);
 
 /// The tube that two are pieces of: where an end of one runs on into an end of the other, and one fit of both, on
 /// surfels that neither has taken, is as long as the two. Nothing where they are not one.

@@ -45,10 +45,10 @@ void add_node_radii(const ScanTube& found, Tube& tube) {
 }
 
 /// The parts of the line; where they are all straight or toric, fitted to the surface.
-void add_scan_parts(const ScanTube& found, std::span<const Surfel> surfels, const ScanTubesConfig& config, Tube& tube) {
+void add_scan_parts(const ScanTube& found, const SurfelGrid& grid, const ScanTubesConfig& config, Tube& tube) {
   CenterlineParts parts = cut_into_parts(fitted_centerline(tube));
   if (parts.fitted) {
-    if (auto finer = fit_chain_to_surface(parts.fitted->chain, found, surfels, config)) {
+    if (auto finer = fit_chain_to_surface(parts.fitted->chain, found, grid, config)) {
       parts.segments = segments_of(finer->chain);
       parts.fitted = std::move(finer);
     }
@@ -58,7 +58,7 @@ void add_scan_parts(const ScanTube& found, std::span<const Surfel> surfels, cons
 
 }  // namespace
 
-Tube result_of(const ScanTube& found, std::span<const Surfel> surfels, const ScanTubesConfig& config) {
+Tube result_of(const ScanTube& found, const SurfelGrid& grid, const ScanTubesConfig& config) {
   Tube tube;
   const Spline& spline = found.line.model.spline;
   const ScanEvidence& evidence = found.evidence;
@@ -82,7 +82,7 @@ Tube result_of(const ScanTube& found, std::span<const Surfel> surfels, const Sca
   if (tube.closed) tube.centerline_m.back() = tube.centerline_m.front();
   add_node_radii(found, tube);
   tube.length_m = polyline_length_m(tube.centerline_m);
-  add_scan_parts(found, surfels, config, tube);
+  add_scan_parts(found, grid, config, tube);
   return tube;
 }
 

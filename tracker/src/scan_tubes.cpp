@@ -4,6 +4,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
+#include <utility>
 
 #include "scan_grow.hpp"
 #include "scan_result.hpp"
@@ -15,17 +17,18 @@ namespace tubetrack {
 namespace {
 
 constexpr int kMinVotes = 6 * kVotesPerCell;
-constexpr int kMaxFailures = 24;       // of the seeds of one octave
+constexpr int kMaxFailures = 64;  // of the seeds of one octave
+// Cells of the surfels that a tube is grown on and fitted to at last, of its radius.
+constexpr double kGrowCellRadii = 0.45, kFitCellRadii = 0.3;
 constexpr double kKnownBand = 0.15;    // votes go so far to either side of a known radius
 constexpr double kBelongsRadii = 0.3;  // what is so near to a tube's surface is no other's
 
 /// Sets the flags of the surfels of a tube, and returns which were set.
-std::vector<std::uint32_t> take(std::span<const Surfel> surfels, const ScanTube& tube, double spacing_m,
-                                std::vector<char>& taken) {
+std::vector<std::uint32_t> take(const ScanSurface& surface, const ScanTube& tube, std::vector<char>& taken) {
   std::vector<std::uint32_t> set;
   const double radius_m = tube.line.model.radius_m;
-  const double belongs_m = std::max(kBelongsRadii * radius_m, spacing_m);
-  for (const SurfacePoint& point : points_near(surfels, taken, tube.line)) {
+  const double belongs_m = std::max(kBelongsRadii * radius_m, surface.spacing_m);
+  for (const SurfacePoint& point : points_near(surface.grid, taken, tube.line)) {
     if (std::abs(point.distance_m - radius_m) > belongs_m || taken[point.surfel] != 0) continue;
     taken[point.surfel] = 1;
     set.push_back(point.surfel);
@@ -50,40 +53,156 @@ bool is_certain(const ScanEvidence& evidence) {
          evidence.scale_radii < std::max(kScatterRadii, kScatterSpacings * evidence.spacing_radii);
 }
 
+/// The grids of a scan's surfels, coarse to fine. Those down to about the grid step hold all of the surface; what is
+/// finer says more of small tubes alone, and holds what may be of one by then.
+struct ScanLevel {
+  SurfelGrid grid;
+  double spacing_m = 0.0;                  ///< how far apart its surfels are
+  std::vector<std::uint32_t> merged_into;  ///< of what it was made of (the next finer level or the scan), its places
+};
+
+struct ScanLevels {
+  std::span<const Surfel> surfels;
+  double grid_step_m = 0.0;
+  std::vector<ScanLevel> all;
+  std::size_t whole = 0;       ///< so many hold all of the surface
+  std::vector<char> left_out;  ///< flags of the scan's surfels that finer ones do without
+};
+
+ScanLevels levels_of(std::span<const Surfel> surfels, const std::vector<Octave>& octaves, double grid_step_m) {
+  constexpr double kWholeSteps = 1.1;
+  ScanLevels levels{surfels, grid_step_m, {}, 0, std::vector<char>(surfels.size(), 0)};
+  std::vector<double> cells_m;
+  for (const Octave& octave : octaves) {
+    if (!cells_m.empty() && octave.cell_m < kWholeSteps * grid_step_m) break;
+    if (cells_m.empty() || octave.cell_m < cells_m.back()) cells_m.push_back(octave.cell_m);
+  }
+  levels.whole = cells_m.size();
+  levels.all.resize(cells_m.size());
+  std::span<const Surfel> finer = surfels;
+  std::span<const SurfelSpread> spread;
+  for (std::size_t i = cells_m.size(); i-- > 0;) {
+    ScanLevel& level = levels.all[i];
+    level.grid = merged_by_cell(finer, spread, {}, cells_m[i], level.merged_into);
+    level.spacing_m = std::max(cells_m[i], grid_step_m);
+    finer = level.grid.surfels;
+    spread = level.grid.spread;
+  }
+  return levels;
+}
+
+/// Flags of what a level was made of, from those of the level itself.
+std::vector<char> flags_of_finer(const ScanLevel& level, const std::vector<char>& flags) {
+  std::vector<char> finer(level.merged_into.size(), 0);
+  for (std::size_t i = 0; i < finer.size(); ++i) {
+    if (level.merged_into[i] != kNotMerged) finer[i] = flags[level.merged_into[i]];
+  }
+  return finer;
+}
+
+/// Goes on to the level of an octave: `certain` has a level's flags of tubes that are beyond doubt, for all so far. A
+/// level that is finer than those of all of the surface is made without them, and without what is flat far and wide.
+void go_to_level_of(const Octave& octave, std::vector<std::vector<char>>& certain, ScanLevels& levels) {
+  if (certain.empty()) certain.emplace_back(levels.all[0].grid.surfels.size(), 0);
+  while (levels.all[certain.size() - 1].grid.cell_m > octave.cell_m) {
+    const ScanLevel& coarser = levels.all[certain.size() - 1];
+    std::vector<char> finer = flags_of_finer(coarser, certain.back());
+    if (certain.size() >= levels.whole) {
+      const std::vector<char> flat = flags_of_finer(coarser, flat_around(coarser.grid));
+      std::transform(flat.begin(), flat.end(), levels.left_out.begin(), levels.left_out.begin(), std::bit_or<>());
+      // What any of these levels was made of is the scan.
+      std::transform(finer.begin(), finer.end(), levels.left_out.begin(), levels.left_out.begin(), std::bit_or<>());
+      ScanLevel level;
+      level.grid = merged_by_cell(levels.surfels, {}, levels.left_out, octave.cell_m, level.merged_into);
+      level.spacing_m = levels.grid_step_m;
+      finer.assign(level.grid.surfels.size(), 0);
+      levels.all.push_back(std::move(level));
+    }
+    // They have told what they are for.
+    levels.all[certain.size() - 1].merged_into = {};
+    certain.push_back(std::move(finer));
+  }
+}
+
+/// The coarsest level, of those down to one, whose cells are such a part of a radius or less.
+std::size_t level_to_fit(double radius_m, double most_radii, std::size_t finest, const ScanLevels& levels) {
+  std::size_t level = 0;
+  while (level < finest && levels.all[level].grid.cell_m > most_radii * radius_m) ++level;
+  return level;
+}
+
+ScanSurface surface_of(const ScanLevel& level, std::span<const char> taken) {
+  return {level.grid, taken, level.spacing_m};
+}
+
+/// A tube of an octave's radii from a peak of its votes, grown on the coarsest level that shows it. `line_m` gets the
+/// seed's.
+std::optional<ScanTube> tube_at(const AccumulationMap& votes, const VoxelIndex& peak, const Octave& octave,
+                                std::size_t finest, const ScanLevels& levels,
+                                const std::vector<std::vector<char>>& taken, const ScanTubesConfig& config,
+                                std::vector<Eigen::Vector3d>& line_m) {
+  constexpr int kFirstSteps = 4, kMostSteps = 20'000;
+  auto seed = seed_at(votes, peak, octave, kFirstSteps);
+  if (!seed) return std::nullopt;
+  // Most peaks of other radii are told by a short piece.
+  line_m = seed->line_m;
+  const std::size_t of_seed = level_to_fit(seed->radius_m, kGrowCellRadii, finest, levels);
+  const double radius_m = radius_at_seed(surface_of(levels.all[of_seed], taken[of_seed]), *seed, octave, config);
+  if (!(radius_m > 0.0)) return std::nullopt;
+  seed = seed_at(votes, peak, octave, kMostSteps);
+  seed->radius_m = radius_m;
+  line_m = seed->line_m;
+  const std::size_t level = level_to_fit(radius_m, kGrowCellRadii, finest, levels);
+  auto tube = grow_scan_tube(surface_of(levels.all[level], taken[level]), *seed, config);
+  if (!tube || !radius_in_range(tube->line.model.radius_m, config) ||
+      !is_of_octave(tube->line.model.radius_m, octave, config))
+    return std::nullopt;
+  tube->level = level;
+  return tube;
+}
+
 /// What looks like a tube of an octave's radii: from the best peak on, each of surfels that no earlier one has.
-void search_octave(const Octave& octave, const ScanTubesConfig& config, std::vector<ScanTube>& candidates,
-                   StageTimes& times) {
+/// `certain` has a level's flags of tubes that are beyond doubt, for all up to the octave's, and gets those of more.
+void search_octave(const Octave& octave, const ScanLevels& levels, const ScanTubesConfig& config,
+                   std::vector<std::vector<char>>& certain, std::vector<ScanTube>& candidates, StageTimes& times) {
   Stopwatch watch;
   AccumulationMap votes(octave.cell_m);
-  const double spacing_m = std::max(octave.cell_m, config.grid_step_m);
-  std::vector<char> taken(octave.surfels.size(), 0);
-  for (const ScanTube& tube : candidates) {
-    if (is_certain(tube.evidence)) take(octave.surfels, tube, spacing_m, taken);
-  }
-  std::vector<VoteRecord> records;
-  records.reserve(octave.surfels.size());
-  for (std::size_t i = 0; i < octave.surfels.size(); ++i) {
-    records.push_back(weighted_record(octave.surfels[i], octave, config.grid_step_m));
-    if (taken[i] == 0) votes.add(records.back());
+  const std::size_t own = certain.size() - 1;
+  const ScanLevel& level = levels.all[own];
+  std::vector<std::vector<char>> taken = certain;
+  const std::vector<char> flat = flat_surfels(level.grid);
+  std::vector<VoteRecord> records(level.grid.surfels.size());
+  for (std::size_t i = 0; i < records.size(); ++i) {
+    // Votes that are not cast are not withdrawn either.
+    records[i].weight = 0;
+    if (taken[own][i] != 0 || flat[i] != 0) continue;
+    records[i] = weighted_record(level.grid.surfels[i], octave, config.grid_step_m);
+    votes.add(records[i]);
   }
   watch.lap(times.accumulate_ms);
   const double near_m = std::max(2.0 * octave.cell_m, 0.3 * octave.radius_min_m);
-  std::vector<Eigen::Vector3d> failed_m;
+  std::vector<Eigen::Vector3d> failed_m, line_m;
   int failures = 0;
   for (const VoxelIndex& peak : votes.peaks(kMinVotes, 1)) {
     if (failures >= kMaxFailures) break;
     if (votes.box_votes(peak, 1) < kMinVotes || lies_near(failed_m, votes.center_of(peak), near_m)) continue;
-    const auto seed = seed_at(votes, peak, octave);
     watch.lap(times.trace_ms);
-    if (!seed) continue;
-    auto tube = grow_scan_tube({octave.surfels, taken, spacing_m}, *seed, config);
-    if (!tube || !radius_in_range(tube->line.model.radius_m, config)) {
-      ++failures;
-      failed_m.insert(failed_m.end(), seed->line_m.begin(), seed->line_m.end());
-      failed_m.push_back(votes.center_of(peak));
-    } else {
-      for (const std::uint32_t index : take(octave.surfels, *tube, spacing_m, taken)) votes.withdraw(records[index]);
+    line_m.clear();
+    auto tube = tube_at(votes, peak, octave, own, levels, taken, config, line_m);
+    if (tube) {
+      const bool surely = is_certain(tube->evidence);
+      for (std::size_t at = tube->level; at <= own; ++at) {
+        for (const std::uint32_t index : take(surface_of(levels.all[at], taken[at]), *tube, taken[at])) {
+          if (surely) certain[at][index] = 1;
+          if (at == own) votes.withdraw(records[index]);
+        }
+      }
+      tube->points = {};
       candidates.push_back(std::move(*tube));
+    } else if (!line_m.empty()) {
+      ++failures;
+      failed_m.insert(failed_m.end(), line_m.begin(), line_m.end());
+      failed_m.push_back(votes.center_of(peak));
     }
     watch.lap(times.fit_ms);
   }
@@ -98,17 +217,27 @@ double explained(const ScanTube& tube) {
   return sum * tube.evidence.support;
 }
 
-/// Tubes fitted to all surfels, the candidate that explains most first; each surfel belongs to one.
-std::vector<ScanTube> chosen(std::vector<ScanTube> candidates, std::span<const Surfel> surfels,
+/// Tubes fitted to the level of their radius, the candidate that explains most first; each surfel belongs to one.
+std::vector<ScanTube> chosen(std::vector<ScanTube> candidates, const ScanLevels& levels,
                              const ScanTubesConfig& config) {
   std::stable_sort(candidates.begin(), candidates.end(),
                    [](const ScanTube& a, const ScanTube& b) { return explained(a) > explained(b); });
   std::vector<ScanTube> tubes;
-  std::vector<char> taken(surfels.size(), 0);
+  std::vector<std::vector<char>> taken(levels.all.size());
+  std::vector<std::size_t> tubes_in(levels.all.size(), 0);
   for (ScanTube& tube : candidates) {
-    if (!refine_scan_tube({surfels, taken, config.grid_step_m}, config, tube)) continue;
+    // Finer levels than it was found on may not hold all of it.
+    const std::size_t fit_on =
+        level_to_fit(tube.line.model.radius_m, kFitCellRadii, std::max(tube.level, levels.whole - 1), levels);
+    const ScanLevel& level = levels.all[fit_on];
+    std::vector<char>& flags = taken[fit_on];
+    flags.resize(level.grid.surfels.size(), 0);
+    const ScanSurface surface = surface_of(level, flags);
+    for (std::size_t& next = tubes_in[fit_on]; next < tubes.size(); ++next) take(surface, tubes[next], flags);
+    const bool fitted = std::exchange(tube.level, fit_on) == fit_on;
+    if (!refine_scan_tube(surface, config, fitted, tube)) continue;
     if (!radius_in_range(tube.line.model.radius_m, config)) continue;
-    take(surfels, tube, config.grid_step_m, taken);
+    tube.points = {};
     tubes.push_back(std::move(tube));
   }
   return tubes;
@@ -126,21 +255,24 @@ bool ends_are_near(const ScanTube& a, const ScanTube& b) {
 }
 
 /// Joins what are pieces of one tube, until none are left.
-void join_pieces(std::vector<ScanTube>& tubes, std::span<const Surfel> surfels, const ScanTubesConfig& config) {
+void join_pieces(std::vector<ScanTube>& tubes, const ScanLevels& levels, const ScanTubesConfig& config) {
   for (std::size_t i = 0; i < tubes.size(); ++i) {
     for (std::size_t k = i + 1; k < tubes.size();) {
       std::optional<ScanTube> joined;
       if (ends_are_near(tubes[i], tubes[k])) {
-        std::vector<char> taken(surfels.size(), 0);
+        const ScanLevel& level = levels.all[tubes[i].level];
+        std::vector<char> taken(level.grid.surfels.size(), 0);
+        const ScanSurface surface = surface_of(level, taken);
         for (std::size_t other = 0; other < tubes.size(); ++other) {
-          if (other != i && other != k) take(surfels, tubes[other], config.grid_step_m, taken);
+          if (other != i && other != k) take(surface, tubes[other], taken);
         }
-        joined = join_scan_tubes({surfels, taken, config.grid_step_m}, config, tubes[i], tubes[k]);
+        joined = join_scan_tubes(surface, config, tubes[i], tubes[k]);
       }
       if (!joined || !radius_in_range(joined->line.model.radius_m, config)) {
         ++k;
         continue;
       }
+      joined->level = tubes[i].level;
       tubes[i] = std::move(*joined);
       tubes.erase(tubes.begin() + static_cast<std::ptrdiff_t>(k));
       k = i + 1;  // the longer tube may reach others now
@@ -174,15 +306,21 @@ TubeFrame find_scan_tubes(std::span<const Surfel> surfels, const ScanTubesConfig
   const double low_m = config.radius_m ? (1.0 - kKnownBand) * *config.radius_m : config.radius_min_m;
   const double high_m = config.radius_m ? (1.0 + kKnownBand) * *config.radius_m : config.radius_max_m;
   std::vector<ScanTube> candidates;
-  std::vector<Octave> octaves = octaves_of(surfels, low_m, high_m, config.grid_step_m, config.cell_m);
+  const std::vector<Octave> octaves = octaves_of(low_m, high_m, config.grid_step_m, config.cell_m);
+  ScanLevels levels = levels_of(surfels, octaves, config.grid_step_m);
   watch.lap(frame.stages.normals_ms);
-  for (const Octave& octave : octaves) search_octave(octave, config, candidates, frame.stages);
+  std::vector<std::vector<char>> certain;
+  for (const Octave& octave : octaves) {
+    go_to_level_of(octave, certain, levels);
+    search_octave(octave, levels, config, certain, candidates, frame.stages);
+  }
   double searched_ms = 0.0;
   watch.lap(searched_ms);  // search_octave has told
-  std::vector<ScanTube> tubes = chosen(std::move(candidates), surfels, config);
-  join_pieces(tubes, surfels, config);
+  std::vector<ScanTube> tubes = chosen(std::move(candidates), levels, config);
+  join_pieces(tubes, levels, config);
+  for (ScanTube& tube : tubes) look_at_ends(surfels, tube.line, config.grid_step_m, tube.fit.scale_m, tube.evidence);
   watch.lap(frame.stages.fit_ms);
-  for (const ScanTube& tube : tubes) frame.tubes.push_back(result_of(tube, surfels, config));
+  for (const ScanTube& tube : tubes) frame.tubes.push_back(result_of(tube, levels.all[tube.level].grid, config));
   std::stable_sort(frame.tubes.begin(), frame.tubes.end(),
                    [](const Tube& a, const Tube& b) { return a.length_m > b.length_m; });
   for (std::size_t i = 0; i < frame.tubes.size(); ++i) frame.tubes[i].id = static_cast<std::int64_t>(i) + 1;

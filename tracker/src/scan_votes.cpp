@@ -3,9 +3,8 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
-#include <utility>
+#include <numbers>
 
-#include "tubetrack/tracker/packed_cell.hpp"
 #include "tubetrack/tracker/trace.hpp"
 
 namespace tubetrack {
@@ -15,27 +14,6 @@ namespace {
 constexpr double kCellRadii = 0.25;        // a map's cell, of the smallest radius it is for
 constexpr double kLargestCellRadii = 0.5;  // where the scan is coarser than that
 constexpr int kMaxVotes = 64;
-
-Surfel mean_of(std::span<const Surfel> surfels, std::span<const std::pair<std::uint64_t, std::uint32_t>> members) {
-  Surfel mean = surfels[members.front().second];
-  Eigen::Vector3d position = Eigen::Vector3d::Zero(), normal = Eigen::Vector3d::Zero();
-  double weight = 0.0;
-  for (const auto& [key, index] : members) {
-    const Surfel& surfel = surfels[index];
-    const double own = surfel.weight;
-    position += own * surfel.position_m.cast<double>();
-    normal += own * surfel.inward_normal.cast<double>();
-    weight += own;
-  }
-  if (!(weight > 0.0) || !(normal.norm() > 1e-6 * weight)) {
-    mean.weight = 0.0F;
-    return mean;
-  }
-  mean.position_m = (position / weight).cast<float>();
-  mean.inward_normal = normal.normalized().cast<float>();
-  mean.weight = static_cast<float>(normal.norm());
-  return mean;
-}
 
 /// The trace from the start up to the point before it is back there; empty where it never is.
 RecycledVector<TracePoint> once_around(const RecycledVector<TracePoint>& trace, double step_m) {
@@ -51,6 +29,16 @@ RecycledVector<TracePoint> once_around(const RecycledVector<TracePoint>& trace, 
   return {};
 }
 
+bool is_flat(const SurfelGrid& grid, const SurfelBucket& bucket) {
+  constexpr double kMostSpread = 0.0002;  // 1 less the length of the mean normal
+  constexpr std::uint32_t kFewest = 6;    // along a tube a single row of four is flat
+  const std::uint32_t count = bucket.end - bucket.begin;
+  if (count < kFewest) return false;
+  Eigen::Vector3d normal = Eigen::Vector3d::Zero();
+  for (std::uint32_t i = bucket.begin; i < bucket.end; ++i) normal += grid.surfels[i].inward_normal.cast<double>();
+  return normal.norm() >= (1.0 - kMostSpread) * count;
+}
+
 double median_radius_m(RecycledVector<TracePoint> trace) {
   const auto middle = trace.begin() + static_cast<std::ptrdiff_t>(trace.size() / 2);
   std::nth_element(trace.begin(), middle, trace.end(),
@@ -60,36 +48,17 @@ double median_radius_m(RecycledVector<TracePoint> trace) {
 
 }  // namespace
 
-std::vector<Surfel> merged_by_cell(std::span<const Surfel> surfels, double cell_m) {
-  std::vector<std::pair<std::uint64_t, std::uint32_t>> members;
-  members.reserve(surfels.size());
-  for (std::size_t i = 0; i < surfels.size(); ++i)
-    members.emplace_back(packed_cell(surfels[i].position_m.cast<double>(), cell_m), static_cast<std::uint32_t>(i));
-  std::sort(members.begin(), members.end());
-  std::vector<Surfel> merged;
-  for (std::size_t begin = 0, end = 0; begin < members.size(); begin = end) {
-    while (end < members.size() && members[end].first == members[begin].first) ++end;
-    const Surfel mean = mean_of(surfels, std::span(members).subspan(begin, end - begin));
-    if (mean.weight > 0.0F) merged.push_back(mean);
-  }
-  return merged;
-}
-
-std::vector<Octave> octaves_of(std::span<const Surfel> surfels, double radius_min_m, double radius_max_m,
-                               double grid_step_m, std::optional<double> cell_m) {
+std::vector<Octave> octaves_of(double radius_min_m, double radius_max_m, double grid_step_m,
+                               std::optional<double> cell_m) {
   const int count = std::max(1, static_cast<int>(std::ceil(std::log2(radius_max_m / radius_min_m) - 1e-9)));
   std::vector<Octave> octaves;
-  for (int i = 0; i < count; ++i) {
+  for (int i = count; i-- > 0;) {
     const double low = radius_min_m * std::pow(radius_max_m / radius_min_m, static_cast<double>(i) / count);
     const double high = radius_min_m * std::pow(radius_max_m / radius_min_m, static_cast<double>(i + 1) / count);
     // A little more on either side: a peak is as wide as a cell or two.
     const double coarse_m = std::min(grid_step_m, kLargestCellRadii * low);
-    Octave octave{0.92 * low, 1.08 * high, cell_m.value_or(std::max(kCellRadii * low, coarse_m)), {}};
-    const std::span<const Surfel> finer = octaves.empty() ? surfels : std::span<const Surfel>(octaves.back().surfels);
-    octave.surfels = merged_by_cell(finer, octave.cell_m);
-    octaves.push_back(std::move(octave));
+    octaves.push_back({0.92 * low, 1.08 * high, cell_m.value_or(std::max(kCellRadii * low, coarse_m))});
   }
-  std::reverse(octaves.begin(), octaves.end());
   return octaves;
 }
 
@@ -104,7 +73,32 @@ VoteRecord weighted_record(const Surfel& surfel, const Octave& octave, double gr
   return record;
 }
 
-std::optional<ScanSeed> seed_at(const AccumulationMap& votes, const VoxelIndex& peak, const Octave& octave) {
+std::vector<char> flat_surfels(const SurfelGrid& grid) {
+  std::vector<char> flat(grid.surfels.size(), 0);
+  for (const SurfelBucket& bucket : grid.buckets) {
+    if (is_flat(grid, bucket)) std::fill(flat.begin() + bucket.begin, flat.begin() + bucket.end, 1);
+  }
+  return flat;
+}
+
+std::vector<char> flat_around(const SurfelGrid& grid) {
+  std::vector<char> alone(grid.buckets.size(), 1);
+  std::vector<std::uint32_t> around;
+  const double bucket_m = grid.bucket_radius_m() * 2.0 / std::numbers::sqrt3;
+  for (const SurfelBucket& bucket : grid.buckets) {
+    if (is_flat(grid, bucket)) continue;
+    const Eigen::Vector3d reach_m = Eigen::Vector3d::Constant(bucket_m);
+    grid.buckets_in({bucket.center_m - reach_m, bucket.center_m + reach_m}, around);
+    for (const std::uint32_t number : around) alone[number] = 0;
+  }
+  std::vector<char> flat(grid.surfels.size(), 0);
+  for (std::size_t i = 0; i < alone.size(); ++i)
+    std::fill(flat.begin() + grid.buckets[i].begin, flat.begin() + grid.buckets[i].end, alone[i]);
+  return flat;
+}
+
+std::optional<ScanSeed> seed_at(const AccumulationMap& votes, const VoxelIndex& peak, const Octave& octave,
+                                int max_steps) {
   // Directions spread over an arc of 80° have 0.147 of their moments across its middle; those of a sphere's votes, or a
   // corner's, are spread in all three directions.
   constexpr double kLeastSpread = 0.12, kMostPlanar = 0.5;
@@ -114,7 +108,7 @@ std::optional<ScanSeed> seed_at(const AccumulationMap& votes, const VoxelIndex& 
   TraceOptions options;
   options.step_m = std::clamp(votes.cell_m() * sum.steps / sum.votes, octave.radius_min_m, octave.radius_max_m);
   options.patch_half_m = 0.5 * options.step_m;
-  options.max_steps = 20'000;
+  options.max_steps = max_steps;
   const RecycledVector<TracePoint> front = trace_one_way(votes, peak, true, options);
   RecycledVector<TracePoint> line = once_around(front, options.step_m);
   ScanSeed seed;

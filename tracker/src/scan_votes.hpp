@@ -2,31 +2,24 @@
 
 #include <Eigen/Core>
 #include <optional>
-#include <span>
 #include <vector>
 
-#include "tubetrack/heightmap/surfel.hpp"
+#include "scan_grid.hpp"
 #include "tubetrack/tracker/accumulation_map.hpp"
 
 namespace tubetrack {
-
-/// One surfel for each cell of a grid: position and normal are means by weight. What a scan has more of than a vote
-/// needs is taken together, so that the time depends on the surface alone and a normal is as smooth as the radii that
-/// are looked for allow. Opposite walls of a thin plate in one cell cancel out. In the order of the cells.
-std::vector<Surfel> merged_by_cell(std::span<const Surfel> surfels, double cell_m);
 
 /// Votes for radii from radius_min_m to about twice that: one such map for each octave of radii costs a handful of
 /// votes a surfel, where one for all radii would cost hundreds.
 struct Octave {
   double radius_min_m = 0.0;
   double radius_max_m = 0.0;
-  double cell_m = 0.0;          ///< of the map
-  std::vector<Surfel> surfels;  ///< merged by it
+  double cell_m = 0.0;  ///< of the map, and of the grid of its surfels
 };
 
 /// Octaves of radii, the largest first. `cell_m`: of every map; empty: by the radius.
-std::vector<Octave> octaves_of(std::span<const Surfel> surfels, double radius_min_m, double radius_max_m,
-                               double grid_step_m, std::optional<double> cell_m);
+std::vector<Octave> octaves_of(double radius_min_m, double radius_max_m, double grid_step_m,
+                               std::optional<double> cell_m);
 
 /// A surfel's vote, weighted by the area it stands for: quarters of a cell's face, at least one. With the paper's face
 /// areas (end of its section 2.3) irregular meshes vote as evenly as regular ones.
@@ -40,8 +33,18 @@ struct ScanSeed {
   bool closed = false;  ///< the last point is next to the first
 };
 
-/// Traces from a peak (paper, algorithm 2), both ways, or once around where the line comes back to its start. Nothing
-/// where the votes around the peak cannot be those of a tube.
-std::optional<ScanSeed> seed_at(const AccumulationMap& votes, const VoxelIndex& peak, const Octave& octave);
+/// Traces from a peak (paper, algorithm 2), so many steps both ways, or once around where the line comes back to its
+/// start. Nothing where the votes around the peak cannot be those of a tube.
+std::optional<ScanSeed> seed_at(const AccumulationMap& votes, const VoxelIndex& peak, const Octave& octave,
+                                int max_steps);
+
+/// Flags of surfels that lie on something too flat for a tube of an octave's radii, and need not vote: all around, in a
+/// bucket, which is as large as the smallest radius, normals point the same way, to 2°, where those of the largest tube
+/// spread over 26°. Most of a scan may be floor.
+std::vector<char> flat_surfels(const SurfelGrid& grid);
+
+/// Of those, the ones whose bucket has nothing but flat ones around it: they are not near a tube of those radii, or
+/// smaller ones, either.
+std::vector<char> flat_around(const SurfelGrid& grid);
 
 }  // namespace tubetrack

@@ -1,0 +1,213 @@
+#include "scan_grid.hpp"
+
+#include <algorithm>
+#include <array>
+#include <bit>
+#include <cmath>
+#include <numeric>
+
+namespace tubetrack {
+
+namespace {
+
+constexpr int kBucketBits = 2;  // an axis: 4 cells
+constexpr int kFineBits = 3 * kBucketBits;
+constexpr int kHalf = 1 << 20;  // cells to either side of zero
+constexpr int kFirstBucket = kHalf >> kBucketBits;
+
+/// A surfel and its cell as one number: the bucket in the upper bits, the cell within it in the lower six.
+struct CellMember {
+  std::uint64_t key = 0;
+  std::uint32_t surfel = 0;
+};
+
+using Cell = std::array<std::int32_t, 3>;
+
+/// What lies farther out than a million cells is put into the outermost.
+Cell cell_of(const Eigen::Vector3f& position_m, double per_cell) {
+  Cell cell{};
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    const double at = static_cast<double>(position_m[static_cast<Eigen::Index>(axis)]) * per_cell;
+    // Above zero a number is rounded down where it is cut off.
+    cell[axis] = static_cast<std::int32_t>(std::clamp(at + kHalf, 0.0, 2.0 * kHalf - 1.0));
+  }
+  return cell;
+}
+
+/// By key, equal ones in the order that they came in: counted out, eleven bits at a time.
+void sort_by_key(std::vector<CellMember>& members, int bits) {
+  constexpr int kDigit = 11;
+  std::vector<CellMember> sorted(members.size());
+  for (int shift = 0; shift < bits; shift += kDigit) {
+    std::array<std::uint32_t, (1 << kDigit) + 1> next{};
+    const auto digit = [shift](const CellMember& member) {
+      return static_cast<std::size_t>(member.key >> shift) & ((1 << kDigit) - 1);
+    };
+    for (const CellMember& member : members) ++next[digit(member) + 1];
+    for (std::size_t i = 1; i < next.size(); ++i) next[i] += next[i - 1];
+    for (const CellMember& member : members) sorted[next[digit(member)]++] = member;
+    members.swap(sorted);
+  }
+}
+
+/// Surfels by the cell they are in, and how many bits tell cells apart.
+std::vector<CellMember> members_of_cells(std::span<const Surfel> surfels, std::span<const char> left_out, double cell_m,
+                                         Cell& first_bucket, Cell& bits) {
+  const double per_cell = 1.0 / cell_m;
+  const auto is_in = [&](std::size_t i) { return left_out.empty() || left_out[i] == 0; };
+  std::size_t count = 0;
+  Eigen::AlignedBox3f box;
+  for (std::size_t i = 0; i < surfels.size(); ++i) {
+    if (!is_in(i)) continue;
+    ++count;
+    box.extend(surfels[i].position_m);
+  }
+  std::vector<CellMember> members;
+  if (count == 0) return members;
+  const Cell low = cell_of(box.min(), per_cell), high = cell_of(box.max(), per_cell);
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    first_bucket[axis] = low[axis] >> kBucketBits;
+    bits[axis] = std::bit_width(static_cast<std::uint32_t>((high[axis] >> kBucketBits) - first_bucket[axis]));
+  }
+  members.reserve(count);
+  for (std::size_t i = 0; i < surfels.size(); ++i) {
+    if (!is_in(i)) continue;
+    const Cell cell = cell_of(surfels[i].position_m, per_cell);
+    std::uint64_t bucket = 0, fine = 0;
+    for (std::size_t axis = 3; axis-- > 0;) {
+      bucket = bucket << bits[axis] | static_cast<std::uint64_t>((cell[axis] >> kBucketBits) - first_bucket[axis]);
+      fine = fine << kBucketBits | static_cast<std::uint64_t>(cell[axis] & ((1 << kBucketBits) - 1));
+    }
+    members.push_back({bucket << kFineBits | fine, static_cast<std::uint32_t>(i)});
+  }
+  sort_by_key(members, bits[0] + bits[1] + bits[2] + kFineBits);
+  return members;
+}
+
+Eigen::Vector3d center_of_bucket(std::uint64_t key, const SurfelGrid& grid) {
+  Eigen::Vector3d center_m;
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    const auto at = static_cast<std::int32_t>(key & ((std::uint64_t{1} << grid.bits[axis]) - 1));
+    key >>= grid.bits[axis];
+    center_m[static_cast<Eigen::Index>(axis)] =
+        grid.cell_m * ((at + grid.first_bucket[axis] - kFirstBucket + 0.5) * (1 << kBucketBits));
+  }
+  return center_m;
+}
+
+/// Sums of products, xx … zz.
+struct SpreadSums {
+  std::array<double, 6> sums{};
+
+  void add(double weight, const Eigen::Vector3d& off_m) {
+    std::size_t k = 0;
+    for (Eigen::Index i = 0; i < 3; ++i) {
+      for (Eigen::Index j = i; j < 3; ++j) sums[k++] += weight * off_m[i] * off_m[j];
+    }
+  }
+};
+
+/// Weight 0 where the surfels cancel out.
+Surfel mean_of(std::span<const Surfel> surfels, std::span<const SurfelSpread> spreads,
+               std::span<const CellMember> members, SurfelSpread& spread) {
+  Surfel mean = surfels[members.front().surfel];
+  spread = spreads.empty() ? SurfelSpread{} : spreads[members.front().surfel];
+  if (members.size() == 1) return mean;
+  const Eigen::Vector3d origin_m = mean.position_m.cast<double>();
+  Eigen::Vector3d position_m = Eigen::Vector3d::Zero(), normal = Eigen::Vector3d::Zero();
+  double weight = 0.0;
+  SpreadSums products;
+  for (const CellMember& member : members) {
+    const Surfel& surfel = surfels[member.surfel];
+    const double own = surfel.weight;
+    const Eigen::Vector3d off_m = surfel.position_m.cast<double>() - origin_m;
+    position_m += own * off_m;
+    normal += own * surfel.inward_normal.cast<double>();
+    products.add(own, off_m);
+    if (!spreads.empty()) {
+      for (std::size_t k = 0; k < spread.size(); ++k) products.sums[k] += own * spreads[member.surfel][k];
+    }
+    weight += own;
+  }
+  const double length = normal.norm();
+  if (!(weight > 0.0) || !(length > 1e-6 * weight)) {
+    mean.weight = 0.0F;
+    return mean;
+  }
+  position_m /= weight;
+  products.add(-weight, position_m);
+  for (std::size_t k = 0; k < spread.size(); ++k) spread[k] = static_cast<float>(products.sums[k] / weight);
+  mean.position_m = (origin_m + position_m).cast<float>();
+  mean.inward_normal = (normal / length).cast<float>();
+  mean.weight = static_cast<float>(length);
+  return mean;
+}
+
+}  // namespace
+
+double SurfelGrid::bucket_radius_m() const {
+  return 0.5 * std::sqrt(3.0) * (1 << kBucketBits) * cell_m;
+}
+
+void SurfelGrid::buckets_in(const Eigen::AlignedBox3d& box, std::vector<std::uint32_t>& numbers) const {
+  numbers.clear();
+  if (box.isEmpty()) return;
+  const double bucket_m = (1 << kBucketBits) * cell_m;
+  Cell low{}, high{};
+  double rows = 1.0;
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    const auto at = [&](double place_m, double most) {
+      return static_cast<std::int32_t>(
+          std::clamp(std::floor(place_m / bucket_m) + kFirstBucket - first_bucket[axis], 0.0, most));
+    };
+    const double most = (1 << bits[axis]) - 1;
+    low[axis] = at(box.min()[static_cast<Eigen::Index>(axis)], most);
+    high[axis] = at(box.max()[static_cast<Eigen::Index>(axis)], most);
+    if (axis > 0) rows *= high[axis] - low[axis] + 1;
+  }
+  // To look for a row costs as much as a handful of buckets.
+  constexpr double kOfRow = 8.0;
+  if (kOfRow * rows > static_cast<double>(keys.size())) {
+    numbers.resize(keys.size());
+    std::iota(numbers.begin(), numbers.end(), 0U);
+    return;
+  }
+  for (std::int32_t z = low[2]; z <= high[2]; ++z) {
+    for (std::int32_t y = low[1]; y <= high[1]; ++y) {
+      const auto row = (static_cast<std::uint64_t>(z) << bits[1] | static_cast<std::uint64_t>(y)) << bits[0];
+      const auto last = row | static_cast<std::uint64_t>(high[0]);
+      auto at = std::lower_bound(keys.begin(), keys.end(), row | static_cast<std::uint64_t>(low[0]));
+      for (; at != keys.end() && *at <= last; ++at) numbers.push_back(static_cast<std::uint32_t>(at - keys.begin()));
+    }
+  }
+}
+
+SurfelGrid merged_by_cell(std::span<const Surfel> surfels, std::span<const SurfelSpread> spread,
+                          std::span<const char> left_out, double cell_m, std::vector<std::uint32_t>& merged_into) {
+  SurfelGrid grid;
+  grid.cell_m = cell_m;
+  merged_into.assign(surfels.size(), kNotMerged);
+  const std::vector<CellMember> members = members_of_cells(surfels, left_out, cell_m, grid.first_bucket, grid.bits);
+  std::uint64_t last_bucket = ~std::uint64_t{0};
+  for (std::size_t begin = 0, end = 0; begin < members.size(); begin = end) {
+    const std::uint64_t key = members[begin].key;
+    while (end < members.size() && members[end].key == key) ++end;
+    const auto of_cell = std::span(members).subspan(begin, end - begin);
+    SurfelSpread of_mean;
+    const Surfel mean = mean_of(surfels, spread, of_cell, of_mean);
+    if (!(mean.weight > 0.0F)) continue;
+    const auto place = static_cast<std::uint32_t>(grid.surfels.size());
+    if (key >> kFineBits != last_bucket) {
+      last_bucket = key >> kFineBits;
+      grid.keys.push_back(last_bucket);
+      grid.buckets.push_back({center_of_bucket(last_bucket, grid), place, place});
+    }
+    grid.surfels.push_back(mean);
+    grid.spread.push_back(of_mean);
+    grid.buckets.back().end = place + 1;
+    for (const CellMember& member : of_cell) merged_into[member.surfel] = place;
+  }
+  return grid;
+}
+
+}  // namespace tubetrack

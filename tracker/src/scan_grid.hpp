@@ -1,0 +1,50 @@
+#pragma once
+
+#include <Eigen/Geometry>
+#include <array>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "tubetrack/heightmap/surfel.hpp"
+
+namespace tubetrack {
+
+/// Surfels begin … end − 1 of a grid, all in the cube of 4³ cells around center_m.
+struct SurfelBucket {
+  Eigen::Vector3d center_m = Eigen::Vector3d::Zero();
+  std::uint32_t begin = 0;
+  std::uint32_t end = 0;
+};
+
+/// How surfels that were taken together spread around their mean, in m²: xx, xy, xz, yy, yz, zz.
+using SurfelSpread = std::array<float, 6>;
+
+/// One surfel for each cell of a grid, in buckets, so that those near a line are found without looking at all.
+struct SurfelGrid {
+  double cell_m = 0.0;
+  std::array<std::int32_t, 3> first_bucket{};  ///< along each axis, x first
+  std::array<std::int32_t, 3> bits{};          ///< of a bucket's place from there
+  std::vector<std::uint64_t> keys;             ///< the buckets' places, x lowest; ascending
+  std::vector<Surfel> surfels;                 ///< bucket by bucket
+  std::vector<SurfelSpread> spread;
+  std::vector<SurfelBucket> buckets;
+
+  /// From a bucket's centre to its corners.
+  double bucket_radius_m() const;
+  /// Numbers of the buckets whose centres are in the box, and of some others, ascending.
+  void buckets_in(const Eigen::AlignedBox3d& box, std::vector<std::uint32_t>& numbers) const;
+};
+
+/// What of a surfel is not in any grid: those that are left out, and those whose cell cancels out.
+inline constexpr std::uint32_t kNotMerged = 0xFFFFFFFF;
+
+/// One surfel for each cell: position and normal are means by weight. What a scan has more of than a vote or a fit
+/// needs is taken together, so that the time depends on the surface alone and a normal is as smooth as the radii that
+/// are looked for allow. Opposite walls of a thin plate in one cell cancel out. `spread`: of the surfels, or empty
+/// where they are of the scan itself. `left_out`: one flag a surfel, or empty. `merged_into` gets the place in the grid
+/// of each.
+SurfelGrid merged_by_cell(std::span<const Surfel> surfels, std::span<const SurfelSpread> spread,
+                          std::span<const char> left_out, double cell_m, std::vector<std::uint32_t>& merged_into);
+
+}  // namespace tubetrack
