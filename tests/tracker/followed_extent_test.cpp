@@ -31,6 +31,19 @@ FollowedTube pooled_tube() {
   return tube;
 }
 
+TEST(FollowedExtent, PixelsThatAnotherTubeHasDoNotCountAgainstAStretch) {
+  Station station;
+  station.expected = 30;
+  station.agree = 10;
+  EXPECT_FALSE(agrees(station));
+  station.before = station.anothers = 18;
+  EXPECT_TRUE(agrees(station));
+  station.agree = 5;
+  EXPECT_FALSE(agrees(station));
+  station.before = station.anothers = 21;
+  EXPECT_FALSE(agrees(station)) << "what is left says too little";
+}
+
 TEST(FollowedExtent, WhatIsPooledStaysTrueWhereTheSplineShrinksOrGrows) {
   for (const double begin : {0.5, 1.5, 3.0, 5.5}) {
     for (const double less : {0.5, 1.5, 3.0, 5.5}) {

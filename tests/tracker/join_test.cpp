@@ -43,6 +43,18 @@ TEST(Join, PiecesWithAGapBetweenThemOrALittleWayInOneAnotherAreOneTube) {
   }
 }
 
+// As where the joined fit takes in the flank of a tube that it touches.
+TEST(Join, PiecesWhoseJoinedFitLeavesTheRadiusOfBothStayTwo) {
+  const HeightMap map = tube_in_view();
+  FoundTube left = piece(map, -0.14, -0.02);
+  FoundTube right = piece(map, 0.02, 0.14);
+  for (FoundTube* found : {&left, &right}) {
+    found->model.radius_m = 1.07 * kRadius_m;
+    found->quality.radius_sigma_m = 0.001 * kRadius_m;
+  }
+  EXPECT_FALSE(join_pieces(map, {}, left, right));
+}
+
 TEST(Join, TubesSideBySideStayTwo) {
   const HeightMap map = tube_in_view();
   const FoundTube left = piece(map, -0.14, -0.02);
