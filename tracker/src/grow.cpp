@@ -289,7 +289,7 @@ void go_on_behind(const HeightMap& map, const TrackerConfig& config, FoundTube& 
 void fit_again(const HeightMap& map, const TrackerConfig& config, FoundTube& tube) {
   TrackerConfig held = config;
   if (tube.held_radius_m) held.radius_m = tube.held_radius_m;
-  const Rounds rounds{1, 4, kHiddenSpans * kKnotSpacingRadii, 1.0};
+  const Rounds rounds{2, 4, kHiddenSpans * kKnotSpacingRadii, 1.0};
   auto again = grow_until_settled(map, held, tube.model, 1, rounds);
   if (!again || again->evidence.length_m < 0.8 * tube.evidence.length_m) return;
   look_beside(map, config.noise, again->model, again->extent, again->evidence);
