@@ -32,7 +32,8 @@ struct View {
 View look_at_a_tube(bool at_disparity_levels) {
   const Vector3d middle(0.01, -0.02, 0.8);
   const Vector3d axis = Vector3d(1.0, 0.3, 0.15).normalized();
-  View view{cylinder_map(kCamera, middle, axis, 0.1, kRadius_m), straight_model(middle, axis, 0.1, 1.02 * kRadius_m), {}};
+  View view{
+      cylinder_map(kCamera, middle, axis, 0.1, kRadius_m), straight_model(middle, axis, 0.1, 1.02 * kRadius_m), {}};
   std::mt19937_64 random(3);
   std::normal_distribution<float> gauss(0.0F, 0.003F);
   for (float& depth_m : view.map.depth_m) {

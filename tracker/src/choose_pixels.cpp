@@ -71,7 +71,8 @@ void ChoosePixels(const PixelChoice& choice, const PredictedPixels& pixels, Chos
   const DU du;
   const V zero = hn::Zero(d);
   const VD one = hn::Set(dd, 1.0);
-  const V spans = hn::Set(d, static_cast<float>(choice.stretches / kStretchesPerSpan));
+  const int span_count = choice.stretches / kStretchesPerSpan;
+  const V spans = hn::Set(d, static_cast<float>(span_count));
   std::size_t count = 0;
   for (std::size_t i = 0; i < pixels.count; i += hn::Lanes(dd)) {
     const V t = hn::LoadU(d, pixels.t.data() + i);

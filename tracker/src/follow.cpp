@@ -22,7 +22,7 @@ constexpr double kSettled = 0.005;
 constexpr double kStale = 0.02;  // radii: so far a model may have moved from the one whose pixels were predicted
 // Radii: at rest the last pixels are taken again while the model is so near to theirs, far below the noise of a
 // reading.
-constexpr double kUnmoved = 0.005;
+constexpr double kUnmoved = 0.002;
 
 /// The motion from where a model is to where the frame sees it; empty where it sees too little to tell.
 std::optional<MotionEstimate> motion_seen(const FollowedTube& tube, const TubeModel& model, const View& view) {

@@ -56,15 +56,11 @@ void cut_to(Spline& spline, const Extent& extent) {
 }
 
 /// Goes straight on beyond what is confirmed, one to two spans: a bend that the fit carried past the confirmed part
-/// must not hide where the tube goes on. By so many spans more at an end that is confirmed all the way.
-void reach_beyond(Spline& spline, const Extent& extent, int more_spans) {
-  constexpr double kAllTheWay = 0.05;  // spans
-  const bool front_goes_on = extent.t_begin < kAllTheWay;
-  const bool back_goes_on = spline.spans() - extent.t_end < kAllTheWay;
+/// must not hide where the tube goes on.
+void reach_beyond(Spline& spline, const Extent& extent) {
   cut_to(spline, extent);
   extend(spline, true, true);
   extend(spline, true, true);
-  for (int i = 0; i < more_spans; ++i) extend(spline, front_goes_on, back_goes_on);
 }
 
 /// The radius that both silhouettes ask for, where they contradict the surface's curvature, which sensors that smooth
@@ -183,10 +179,7 @@ std::optional<FoundTube> grow_until_settled(const HeightMap& map, const TrackerC
     if (round > 3 && length_m < length_before_m - found.model.radius_m && ++swings == kMaxSwings) return std::nullopt;
     if ((settled && round >= rounds.before_settled) || round + 1 == rounds.at_most) break;
     length_before_m = length_m;
-    // A long line is known well enough to be followed faster; with shorter ones false tubes were found
-    // (real_frames_test).
-    const int more_spans = std::clamp(static_cast<int>(length_m / (12.0 * found.model.radius_m)), 0, 2);
-    reach_beyond(found.model.spline, found.extent, more_spans);
+    reach_beyond(found.model.spline, found.extent);
     if (spacing_m(found.model.spline) < 1e-4) return std::nullopt;
     look(map, config, stride, rounds.max_gap_radii, found);
   }
@@ -296,7 +289,7 @@ void go_on_behind(const HeightMap& map, const TrackerConfig& config, FoundTube& 
 void fit_again(const HeightMap& map, const TrackerConfig& config, FoundTube& tube) {
   TrackerConfig held = config;
   if (tube.held_radius_m) held.radius_m = tube.held_radius_m;
-  const Rounds rounds{1, 4, kHiddenSpans * kKnotSpacingRadii, 1.0};
+  const Rounds rounds{2, 4, kHiddenSpans * kKnotSpacingRadii, 1.0};
   auto again = grow_until_settled(map, held, tube.model, 1, rounds);
   if (!again || again->evidence.length_m < 0.8 * tube.evidence.length_m) return;
   look_beside(map, config.noise, again->model, again->extent, again->evidence);

@@ -1,8 +1,10 @@
 #include "hide.hpp"
 
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <optional>
 
 #include "shape_sums.hpp"
 
@@ -37,6 +39,32 @@ std::array<End, 2> ends_of(const FollowedTube& tube) {
   const Spline& spline = tube.model.spline;
   return {End{point_at(spline, tube.extent.t_begin), -derivative_at(spline, tube.extent.t_begin).normalized()},
           End{point_at(spline, tube.extent.t_end), derivative_at(spline, tube.extent.t_end).normalized()}};
+}
+
+/// About where in the image a tube is, by its control points, which the line lies between; so much more around it.
+/// Empty where it comes up to the camera.
+using Box = Eigen::AlignedBox2d;
+std::optional<Box> box_of(const Intrinsics& in, const TubeModel& model, double more_radii, double more_px) {
+  Box box;
+  for (const Eigen::Vector3d& control : model.spline.control_m) {
+    const double nearest_m = control.z() - model.radius_m;
+    if (nearest_m < 0.02) return std::nullopt;
+    const double reach_px = (1.0 + more_radii) * model.radius_m * std::max(in.fx_px, in.fy_px) / nearest_m + more_px;
+    const Eigen::Vector2d at = project(in, control);
+    box.extend(Box(at.array() - reach_px, at.array() + reach_px));
+  }
+  return box;
+}
+
+/// Is the other so far beside a tube that is followed that nothing of it is looked at: not beside the tube, nor where
+/// it may have gone since the last frame?
+bool is_apart(const Intrinsics& in, const FollowedTube& tube, const FollowedTube& other) {
+  constexpr double kBesideRadii = 3.0;
+  constexpr double kMoved_px = 32.0;
+  if (!other.model.profile.offset_m.empty() || !tube.model.profile.offset_m.empty()) return false;
+  const auto own = box_of(in, tube.model, kBesideRadii, kMoved_px);
+  const auto others = box_of(in, other.model, 0.0, 2.0);
+  return own && others && !own->intersects(*others);
 }
 
 }  // namespace
@@ -79,6 +107,7 @@ void hide_others(std::span<const FollowedTube> tubes, const FollowedTube* self, 
   for (const FollowedTube& other : tubes) {
     if (&other == self || other.state != TubeState::tracked) continue;
     if (self && ((self->confirmed && !other.confirmed) || in_one_line(*self, other))) continue;
+    if (self && is_apart(map.intrinsics, *self, other)) continue;
     hide_from(mine, seen(other), map, hidden);
   }
 }

@@ -10,10 +10,18 @@ namespace tubetrack {
 
 double arc_length_m(const Spline& spline, double t_begin, double t_end) {
   constexpr int kSteps = 200;
+  const RecycledVector<SpanPolynomial> curve = polynomials_of(spline);
+  const auto point_m = [&](double t) -> Eigen::Vector3d {
+    const double clamped = std::clamp(t, 0.0, static_cast<double>(curve.size()));
+    const std::size_t span = std::min(static_cast<std::size_t>(clamped), curve.size() - 1);
+    const double s = clamped - static_cast<double>(span);
+    const auto& [c0, c1, c2, c3] = curve[span];
+    return c0 + s * (c1 + s * (c2 + s * c3));
+  };
   double length = 0.0;
-  Eigen::Vector3d from = point_at(spline, t_begin);
+  Eigen::Vector3d from = point_m(t_begin);
   for (int i = 1; i <= kSteps; ++i) {
-    const Eigen::Vector3d to = point_at(spline, t_begin + (t_end - t_begin) * i / kSteps);
+    const Eigen::Vector3d to = point_m(t_begin + (t_end - t_begin) * i / kSteps);
     length += (to - from).norm();
     from = to;
   }
