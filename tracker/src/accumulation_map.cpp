@@ -179,16 +179,15 @@ void AccumulationMap::cast(const VoteRecord& record, int sign) {
   const std::int32_t weight = sign * record.weight;
   if (weight == 0 || record.first_step > record.last_step) return;
   Voxel one = vote_of(record, weight);
-  const VoxelIndex first = voxel_at_step(record, record.first_step);
-  VoxelIndex last{~first.z, ~first.y, ~first.x};
-  Block* block = nullptr;
+  VoxelIndex last = voxel_at_step(record, record.first_step);
+  Block* block = &take_block(block_key(last));
   for (int step = record.first_step; step <= record.last_step; ++step) {
     const VoxelIndex index = voxel_at_step(record, step);
     const auto differs = static_cast<std::uint32_t>((index.z ^ last.z) | (index.y ^ last.y) | (index.x ^ last.x));
-    if (differs == 0) continue;
+    if (differs == 0 && step > record.first_step) continue;
     last = index;
     if (differs >= 4) {  // in more than the lowest two bits: another block
-      if (block) leave_if_empty(*block);
+      leave_if_empty(*block);
       block = &take_block(block_key(index));
     }
     one.steps = weight * step;
