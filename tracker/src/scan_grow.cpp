@@ -149,7 +149,14 @@ double radius_at_seed(const ScanSurface& surface, const ScanSeed& seed, const Oc
   ScanFitOptions options = first_options(surface, config);
   options.radius_min_m = kSeedBelow * octave.radius_min_m;
   options.radius_max_m = kSeedAbove * octave.radius_max_m;
-  return fit_and_look(surface, config, options, piece) ? piece.line.model.radius_m : 0.0;
+  if (!fit_and_look(surface, config, options, piece)) return 0.0;
+  const double radius_m = piece.line.model.radius_m;
+  const ScanEvidence& evidence = piece.evidence;
+  // Rounded edges and the like; of a section seen all around, which may be an oval, more is let pass.
+  constexpr double kLeastSupport = 0.5, kMostScatter = 0.1, kMostOfStep = 0.5, kAllAround_rad = 4.2;
+  const double most_scatter = std::max(kMostScatter, kMostOfStep * config.grid_step_m / radius_m);
+  if (evidence.arc_rad < kAllAround_rad && evidence.scale_radii > most_scatter) return 0.0;
+  return evidence.support < kLeastSupport ? 0.0 : radius_m;
 }
 
 bool is_of_octave(double radius_m, const Octave& octave, const ScanTubesConfig& config) {

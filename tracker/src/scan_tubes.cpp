@@ -72,6 +72,7 @@ std::optional<ScanTube> tube_at(const AccumulationMap& votes, const VoxelIndex& 
   const double radius_m = radius_at_seed(surface_of(levels.all[of_seed], taken[of_seed]), *seed, octave, config);
   if (!(radius_m > 0.0)) return std::nullopt;
   seed = seed_at(votes, peak, octave, kMostSteps);
+  if (!seed) return std::nullopt;
   seed->radius_m = radius_m;
   line_m = seed->line_m;
   const std::size_t level = level_to_fit(radius_m, kGrowCellRadii, finest, levels);
