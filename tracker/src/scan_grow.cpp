@@ -127,6 +127,11 @@ std::vector<Eigen::Vector3d> seen_points_of(const ScanTube& tube) {
   return points_m;
 }
 
+/// What a surface may scatter by follows from how far apart the scan's own points are, not means of them.
+void judge_by_scan(const ScanTubesConfig& config, ScanTube& tube) {
+  tube.evidence.spacing_radii = std::min(tube.evidence.spacing_radii, config.grid_step_m / tube.line.model.radius_m);
+}
+
 /// Which ends are seen to the last.
 std::pair<bool, bool> ends_go_on(const ScanTube& tube) {
   const double near = 0.6;  // a span is 1.25 R, a station 0.4 spans
@@ -192,6 +197,7 @@ std::optional<ScanTube> grow_scan_tube(const ScanSurface& surface, const ScanSee
   }
   if (!goes_all_around(tube) && trim(tube) && !fit_and_look(surface, config, again, tube)) return std::nullopt;
   if (why_no_scan_tube(tube.evidence, tube.line.model.radius_m, config)) return std::nullopt;
+  judge_by_scan(config, tube);
   return tube;
 }
 
@@ -238,8 +244,7 @@ bool refine_scan_tube(const ScanSurface& surface, const ScanTubesConfig& config,
     options.t_end = tube.evidence.t_end - kUnfitted;
   }
   if (!fit_and_look(surface, config, options, tube)) return false;
-  // What the surface is judged by is how far apart the scan's own points are.
-  tube.evidence.spacing_radii = std::min(tube.evidence.spacing_radii, config.grid_step_m / tube.line.model.radius_m);
+  judge_by_scan(config, tube);
   return !why_no_scan_tube(tube.evidence, tube.line.model.radius_m, config);
 }
 
