@@ -153,10 +153,26 @@ LineError error_of(const std::vector<Eigen::Vector3d>& nodes_m, const PartChain&
     longer.bends.front().straight_m += kBeyond_m;
     longer.closing_m += kBeyond_m;
   }
-  const std::vector<Eigen::Vector3d> truth_m = points_along(longer, length_of(longer) / 5000.0);
+  // On a long chain nodes follow each other, and each is looked for around the place of the one before.
+  const double step_m = std::min(length_of(longer) / 5000.0, 0.002);
+  const std::vector<Eigen::Vector3d> truth_m = points_along(longer, step_m);
+  constexpr std::size_t kLong = 20'000, kAround = 100;
+  const std::size_t around = truth_m.size() > kLong ? kAround : truth_m.size();
+  std::size_t place = 0, from = 0, to = truth_m.size();
   LineError error;
   for (const Eigen::Vector3d& node_m : nodes_m) {
-    const double off_m = distance_from(truth_m, node_m);
+    const auto nearest = std::min_element(truth_m.begin() + static_cast<std::ptrdiff_t>(from),
+                                          truth_m.begin() + static_cast<std::ptrdiff_t>(to),
+                                          [&](const Eigen::Vector3d& p, const Eigen::Vector3d& q) {
+                                            return (p - node_m).squaredNorm() < (q - node_m).squaredNorm();
+                                          });
+    place = static_cast<std::size_t>(nearest - truth_m.begin());
+    from = place > around ? place - around : 0;
+    to = std::min(place + around, truth_m.size());
+    const std::size_t first = place > 1 ? place - 2 : 0, end = std::min(place + 3, truth_m.size());
+    const std::vector<Eigen::Vector3d> near_m(truth_m.begin() + static_cast<std::ptrdiff_t>(first),
+                                              truth_m.begin() + static_cast<std::ptrdiff_t>(end));
+    const double off_m = distance_from(near_m, node_m);
     error.rms_m += off_m * off_m;
     error.max_m = std::max(error.max_m, off_m);
   }

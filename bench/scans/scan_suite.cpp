@@ -55,7 +55,7 @@ struct Options {
   std::string page, picture;
   std::uint64_t first_seed = 1;
   int tubes = 200;
-  double largest = 1e6;
+  double largest = 1e7;
 };
 
 void write_page(const Options& options, const std::string& text) {
@@ -120,7 +120,7 @@ int run_command_line(int argc, char** argv) {
   bends->add_option("--first-seed", options.first_seed, "of the tubes (default: 1)");
   bends->add_option("--tubes", options.tubes, "how many (default: 200)")->check(CLI::Range(1, 100000));
   CLI::App* paper = app.add_subcommand("paper", "scans like the paper's, against its own algorithms transcribed");
-  paper->add_option("--largest", options.largest, "faces of the largest growing scan (default: 1e6)")
+  paper->add_option("--largest", options.largest, "faces of the largest growing scan (default: 1e7)")
       ->check(CLI::Range(1e4, 1e8));
   paper->add_option("--picture", options.picture, "write the picture beside thinning to this PNG (default: none)");
   CLI::App* holes = app.add_subcommand("holes", "the paper page's table beside thinning alone");

@@ -384,11 +384,11 @@ TEST_F(RealScanCommand, TheTrefoilIsOneClosedTubeWithoutEnds) {
   EXPECT_EQ(tubes[0]["centerline_m"].front(), tubes[0]["centerline_m"].back());
 }
 
-TEST_F(RealScanCommand, TheAortaIsFoundThroughoutItsCane) {
+TEST_F(RealScanCommand, TheAortaIsOneTubeThroughoutItsCane) {
   const auto tubes = tubes_of("aorta-ct/aorta_true_lumen.nii.gz");
-  double length_m = 0.0;
-  for (const auto& tube : tubes) length_m += tube["length_m"].get<double>();
-  EXPECT_GT(length_m, 0.35);
+  ASSERT_GE(tubes.size(), 1U);
+  // From end to end: no voxel lies farther than 1.5 of the nodes' radii from a line of 0.327 m.
+  EXPECT_GT(tubes[0]["length_m"].get<double>(), 0.32);
 }
 
 TEST_F(RealScanCommand, ThePulmonaryArteryBranches) {

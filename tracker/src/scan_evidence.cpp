@@ -11,25 +11,20 @@
 #include <utility>
 
 #include "scan_ends.hpp"
+#include "scan_section.hpp"
 
 namespace tubetrack {
 
 namespace {
 
 constexpr double kStationRadii = 0.5;
-constexpr int kBins = 36;  // of a section
-constexpr double kBin_rad = 2.0 * std::numbers::pi / kBins;
 constexpr double kAgreeRadii = 0.2, kMostAgreeRadii = 0.25, kAgreeSigmas = 3.0;
 constexpr double kAgreeFacing = 0.85;  // 32°
 constexpr double kMaxGapRadii = 3.0;
 
 /// Axes across the line at each station, carried along without a turn.
-struct Frame {
-  Eigen::Vector3d e1, e2;
-};
-
-std::vector<Frame> frames_along(const Spline& spline, const std::vector<ScanStation>& stations) {
-  std::vector<Frame> frames;
+std::vector<SectionAxes> frames_along(const Spline& spline, const std::vector<ScanStation>& stations) {
+  std::vector<SectionAxes> frames;
   Eigen::Vector3d e1 = Eigen::Vector3d::Zero();
   for (const ScanStation& station : stations) {
     const Eigen::Vector3d along = derivative_at(spline, station.t).normalized();
@@ -38,32 +33,6 @@ std::vector<Frame> frames_along(const Spline& spline, const std::vector<ScanStat
     frames.push_back({e1, along.cross(e1)});
   }
   return frames;
-}
-
-/// To 0.0003 rad, a five-hundredth of a bin; std::atan2 would be half of what a look takes.
-double angle_of(const Eigen::Vector3d& outward, const Frame& frame) {
-  const double x = outward.dot(frame.e1), y = outward.dot(frame.e2);
-  const double ax = std::abs(x), ay = std::abs(y);
-  const double most = std::max(ax, ay);
-  const double a = most > 0.0 ? std::min(ax, ay) / most : 0.0;
-  const double s = a * a;
-  double angle = ((-0.0464964749 * s + 0.15931422) * s - 0.327622764) * s * a + a;
-  if (ay > ax) angle = 0.5 * std::numbers::pi - angle;
-  if (x < 0.0) angle = std::numbers::pi - angle;
-  return y < 0.0 ? -angle : angle;
-}
-
-/// Of angles from −2π on.
-int bin_of(double angle_rad) {
-  return static_cast<int>((angle_rad + 2.0 * std::numbers::pi) / kBin_rad) % kBins;
-}
-
-/// The bins that a surfel reaching `half_rad` to either side fills.
-std::uint64_t bins_around(double angle_rad, double half_rad) {
-  const int first = bin_of(angle_rad - half_rad), last = bin_of(angle_rad + half_rad);
-  const auto up_to = [](int bin) { return (std::uint64_t{2} << bin) - 1; };
-  const std::uint64_t from_first = ~(up_to(first) >> 1), to_last = up_to(last);
-  return (first <= last ? from_first & to_last : from_first | to_last) & up_to(kBins - 1);
 }
 
 struct RadiusSums {
@@ -119,12 +88,12 @@ struct Look {
   std::span<const Surfel> surfels;
   const std::vector<SurfacePoint>& points;
   double radius_m = 0.0;
-  double agree_m = 0.0;        ///< how far off a surfel that agrees is at most
-  double station_spans = 0.0;  ///< from one to the next
-  std::vector<Frame> frames;   ///< of the stations
+  double agree_m = 0.0;           ///< how far off a surfel that agrees is at most
+  double station_spans = 0.0;     ///< from one to the next
+  std::vector<SectionAxes> axes;  ///< of the stations
 
   std::size_t station_of(const SurfacePoint& point) const {
-    return std::min(static_cast<std::size_t>(point.t / station_spans), frames.size() - 1);
+    return std::min(static_cast<std::size_t>(point.t / station_spans), axes.size() - 1);
   }
   bool agrees(const SurfacePoint& point) const {
     return point.facing >= kAgreeFacing && std::abs(point.distance_m - radius_m) <= agree_m;
@@ -150,7 +119,7 @@ TubeEnd end_at(const Look& look, std::size_t station, bool front, double spacing
     const std::size_t at = look.station_of(point);
     const std::size_t inward = front ? at - station : station - at;  // wraps to a large number beyond the end
     if (inward >= kStations || !look.agrees(point)) continue;
-    const int bin = bin_of(angle_of(-point.inward, look.frames[at]));
+    const int bin = bin_of(angle_of(-point.inward, look.axes[at]));
     (inward < kOuter ? outer : inner)
         .push_back({point.t, look.surfels[point.surfel].weight, bin * kEndSectors / kBins});
   }
@@ -234,9 +203,9 @@ Sections gather(const Look& look, double spacing_m, std::vector<ScanStation>& st
     if (!look.agrees(point)) continue;
     stations[at].agree += weight;
     stations[at].radius_m += weight * point.distance_m;
-    const double place_rad = angle_of(-point.inward, look.frames[at]);
+    const double place_rad = angle_of(-point.inward, look.axes[at]);
     sections.by_place[at] |= bins_around(place_rad, half_rad);
-    sections.by_normal[at] |= bins_around(angle_of(-surfel.inward_normal.cast<double>(), look.frames[at]), half_rad);
+    sections.by_normal[at] |= bins_around(angle_of(-surfel.inward_normal.cast<double>(), look.axes[at]), half_rad);
     sections.radii[at][static_cast<std::size_t>(bin_of(place_rad))] +=
         {1.0, point.distance_m, point.distance_m * point.distance_m};
     sections.agreeing[at] += 1.0;

@@ -36,9 +36,8 @@ bool fit_and_look(const ScanSurface& surface, const ScanTubesConfig& config, con
   auto fit = fit_scan_line(surface.grid, surface.taken, tube.line, options);
   if (!fit) return false;
   tube.fit = std::move(*fit);
-  tube.points = points_near(surface.grid, surface.taken, tube.line);
-  tube.evidence =
-      look_at(surface.grid.surfels, tube.points, tube.line, surface.spacing_m, tube.fit.scale_m, config.min_arc_rad);
+  tube.evidence = look_at(surface.grid.surfels, points_near(surface.grid, surface.taken, tube.line), tube.line,
+                          surface.spacing_m, tube.fit.scale_m, config.min_arc_rad);
   return tube.evidence.t_end > tube.evidence.t_begin;
 }
 
@@ -128,6 +127,11 @@ std::vector<Eigen::Vector3d> seen_points_of(const ScanTube& tube) {
   return points_m;
 }
 
+/// What a surface may scatter by follows from how far apart the scan's own points are, not means of them.
+void judge_by_scan(const ScanTubesConfig& config, ScanTube& tube) {
+  tube.evidence.spacing_radii = std::min(tube.evidence.spacing_radii, config.grid_step_m / tube.line.model.radius_m);
+}
+
 /// Which ends are seen to the last.
 std::pair<bool, bool> ends_go_on(const ScanTube& tube) {
   const double near = 0.6;  // a span is 1.25 R, a station 0.4 spans
@@ -150,7 +154,14 @@ double radius_at_seed(const ScanSurface& surface, const ScanSeed& seed, const Oc
   ScanFitOptions options = first_options(surface, config);
   options.radius_min_m = kSeedBelow * octave.radius_min_m;
   options.radius_max_m = kSeedAbove * octave.radius_max_m;
-  return fit_and_look(surface, config, options, piece) ? piece.line.model.radius_m : 0.0;
+  if (!fit_and_look(surface, config, options, piece)) return 0.0;
+  const double radius_m = piece.line.model.radius_m;
+  const ScanEvidence& evidence = piece.evidence;
+  // Rounded edges and the like; of a section seen all around, which may be an oval, more is let pass.
+  constexpr double kLeastSupport = 0.5, kMostScatter = 0.1, kMostOfStep = 0.5, kAllAround_rad = 4.2;
+  const double most_scatter = std::max(kMostScatter, kMostOfStep * config.grid_step_m / radius_m);
+  if (evidence.arc_rad < kAllAround_rad && evidence.scale_radii > most_scatter) return 0.0;
+  return evidence.support < kLeastSupport ? 0.0 : radius_m;
 }
 
 bool is_of_octave(double radius_m, const Octave& octave, const ScanTubesConfig& config) {
@@ -186,6 +197,7 @@ std::optional<ScanTube> grow_scan_tube(const ScanSurface& surface, const ScanSee
   }
   if (!goes_all_around(tube) && trim(tube) && !fit_and_look(surface, config, again, tube)) return std::nullopt;
   if (why_no_scan_tube(tube.evidence, tube.line.model.radius_m, config)) return std::nullopt;
+  judge_by_scan(config, tube);
   return tube;
 }
 
@@ -232,8 +244,7 @@ bool refine_scan_tube(const ScanSurface& surface, const ScanTubesConfig& config,
     options.t_end = tube.evidence.t_end - kUnfitted;
   }
   if (!fit_and_look(surface, config, options, tube)) return false;
-  // What the surface is judged by is how far apart the scan's own points are.
-  tube.evidence.spacing_radii = std::min(tube.evidence.spacing_radii, config.grid_step_m / tube.line.model.radius_m);
+  judge_by_scan(config, tube);
   return !why_no_scan_tube(tube.evidence, tube.line.model.radius_m, config);
 }
 

@@ -15,8 +15,7 @@ struct ScanTube {
   ScanLine line;
   ScanFit fit;
   ScanEvidence evidence;
-  std::vector<SurfacePoint> points;  ///< that the evidence is of, at the line as it is
-  std::size_t level = 0;             ///< the grid that it was fitted to last, find_scan_tubes' numbers
+  std::size_t level = 0;  ///< the grid that it was fitted to last, find_scan_tubes' numbers
 };
 
 /// Surfels to fit to, and those among them that belong to another tube.

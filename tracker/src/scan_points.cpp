@@ -63,7 +63,7 @@ class NodeGrid {
     last_cell_ = cell;
     around_.clear();
     for (int row = 0; row < 9; ++row) {
-      const Eigen::Vector3d middle_m = point_m + cell_m_ * Eigen::Vector3d(0.0, row % 3 - 1, row / 3 - 1);
+      const Eigen::Vector3d middle_m = point_m + cell_m_ * Eigen::Vector3i(0, row % 3 - 1, row / 3 - 1).cast<double>();
       const std::uint64_t key = packed_cell(middle_m, cell_m_);
       auto at = std::lower_bound(sorted_.begin(), sorted_.end(), std::pair(key - 1, std::uint32_t{0}));
       for (; at != sorted_.end() && at->first <= key + 1; ++at) around_.push_back(at->second);

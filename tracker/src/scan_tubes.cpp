@@ -4,10 +4,10 @@
 
 #include <algorithm>
 #include <cmath>
-#include <functional>
 #include <utility>
 
 #include "scan_grow.hpp"
+#include "scan_levels.hpp"
 #include "scan_result.hpp"
 #include "scan_votes.hpp"
 #include "stopwatch.hpp"
@@ -53,84 +53,6 @@ bool is_certain(const ScanEvidence& evidence) {
          evidence.scale_radii < std::max(kScatterRadii, kScatterSpacings * evidence.spacing_radii);
 }
 
-/// The grids of a scan's surfels, coarse to fine. Those down to about the grid step hold all of the surface; what is
-/// finer says more of small tubes alone, and holds what may be of one by then.
-struct ScanLevel {
-  SurfelGrid grid;
-  double spacing_m = 0.0;                  ///< how far apart its surfels are
-  std::vector<std::uint32_t> merged_into;  ///< of what it was made of (the next finer level or the scan), its places
-};
-
-struct ScanLevels {
-  std::span<const Surfel> surfels;
-  double grid_step_m = 0.0;
-  std::vector<ScanLevel> all;
-  std::size_t whole = 0;       ///< so many hold all of the surface
-  std::vector<char> left_out;  ///< flags of the scan's surfels that finer ones do without
-};
-
-ScanLevels levels_of(std::span<const Surfel> surfels, const std::vector<Octave>& octaves, double grid_step_m) {
-  constexpr double kWholeSteps = 1.1;
-  ScanLevels levels{surfels, grid_step_m, {}, 0, std::vector<char>(surfels.size(), 0)};
-  std::vector<double> cells_m;
-  for (const Octave& octave : octaves) {
-    if (!cells_m.empty() && octave.cell_m < kWholeSteps * grid_step_m) break;
-    if (cells_m.empty() || octave.cell_m < cells_m.back()) cells_m.push_back(octave.cell_m);
-  }
-  levels.whole = cells_m.size();
-  levels.all.resize(cells_m.size());
-  std::span<const Surfel> finer = surfels;
-  std::span<const SurfelSpread> spread;
-  for (std::size_t i = cells_m.size(); i-- > 0;) {
-    ScanLevel& level = levels.all[i];
-    level.grid = merged_by_cell(finer, spread, {}, cells_m[i], level.merged_into);
-    level.spacing_m = std::max(cells_m[i], grid_step_m);
-    finer = level.grid.surfels;
-    spread = level.grid.spread;
-  }
-  return levels;
-}
-
-/// Flags of what a level was made of, from those of the level itself.
-std::vector<char> flags_of_finer(const ScanLevel& level, const std::vector<char>& flags) {
-  std::vector<char> finer(level.merged_into.size(), 0);
-  for (std::size_t i = 0; i < finer.size(); ++i) {
-    if (level.merged_into[i] != kNotMerged) finer[i] = flags[level.merged_into[i]];
-  }
-  return finer;
-}
-
-/// Goes on to the level of an octave: `certain` has a level's flags of tubes that are beyond doubt, for all so far. A
-/// level that is finer than those of all of the surface is made without them, and without what is flat far and wide.
-void go_to_level_of(const Octave& octave, std::vector<std::vector<char>>& certain, ScanLevels& levels) {
-  if (certain.empty()) certain.emplace_back(levels.all[0].grid.surfels.size(), 0);
-  while (levels.all[certain.size() - 1].grid.cell_m > octave.cell_m) {
-    const ScanLevel& coarser = levels.all[certain.size() - 1];
-    std::vector<char> finer = flags_of_finer(coarser, certain.back());
-    if (certain.size() >= levels.whole) {
-      const std::vector<char> flat = flags_of_finer(coarser, flat_around(coarser.grid));
-      std::transform(flat.begin(), flat.end(), levels.left_out.begin(), levels.left_out.begin(), std::bit_or<>());
-      // What any of these levels was made of is the scan.
-      std::transform(finer.begin(), finer.end(), levels.left_out.begin(), levels.left_out.begin(), std::bit_or<>());
-      ScanLevel level;
-      level.grid = merged_by_cell(levels.surfels, {}, levels.left_out, octave.cell_m, level.merged_into);
-      level.spacing_m = levels.grid_step_m;
-      finer.assign(level.grid.surfels.size(), 0);
-      levels.all.push_back(std::move(level));
-    }
-    // They have told what they are for.
-    levels.all[certain.size() - 1].merged_into = {};
-    certain.push_back(std::move(finer));
-  }
-}
-
-/// The coarsest level, of those down to one, whose cells are such a part of a radius or less.
-std::size_t level_to_fit(double radius_m, double most_radii, std::size_t finest, const ScanLevels& levels) {
-  std::size_t level = 0;
-  while (level < finest && levels.all[level].grid.cell_m > most_radii * radius_m) ++level;
-  return level;
-}
-
 ScanSurface surface_of(const ScanLevel& level, std::span<const char> taken) {
   return {level.grid, taken, level.spacing_m};
 }
@@ -150,6 +72,7 @@ std::optional<ScanTube> tube_at(const AccumulationMap& votes, const VoxelIndex& 
   const double radius_m = radius_at_seed(surface_of(levels.all[of_seed], taken[of_seed]), *seed, octave, config);
   if (!(radius_m > 0.0)) return std::nullopt;
   seed = seed_at(votes, peak, octave, kMostSteps);
+  if (!seed) return std::nullopt;
   seed->radius_m = radius_m;
   line_m = seed->line_m;
   const std::size_t level = level_to_fit(radius_m, kGrowCellRadii, finest, levels);
@@ -197,7 +120,6 @@ void search_octave(const Octave& octave, const ScanLevels& levels, const ScanTub
           if (at == own) votes.withdraw(records[index]);
         }
       }
-      tube->points = {};
       candidates.push_back(std::move(*tube));
     } else if (!line_m.empty()) {
       ++failures;
@@ -237,7 +159,6 @@ std::vector<ScanTube> chosen(std::vector<ScanTube> candidates, const ScanLevels&
     const bool fitted = std::exchange(tube.level, fit_on) == fit_on;
     if (!refine_scan_tube(surface, config, fitted, tube)) continue;
     if (!radius_in_range(tube.line.model.radius_m, config)) continue;
-    tube.points = {};
     tubes.push_back(std::move(tube));
   }
   return tubes;

@@ -1,0 +1,102 @@
+#include "scan_grid.hpp"
+
+#include <gtest/gtest.h>
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <cstdio>
+#include <numbers>
+#include <random>
+#include <vector>
+
+#include "scan_fit.hpp"
+
+namespace tubetrack {
+namespace {
+
+constexpr double kRadius_m = 0.01;
+
+/// Points all over a cylinder around the x axis, 0.2 m long.
+std::vector<Surfel> cylinder(int count) {
+  std::mt19937 random(7);
+  std::uniform_real_distribution<double> unit(0.0, 1.0);
+  std::vector<Surfel> surfels;
+  for (int i = 0; i < count; ++i) {
+    const double angle_rad = 2.0 * std::numbers::pi * unit(random);
+    const Eigen::Vector3d outward(0.0, std::cos(angle_rad), std::sin(angle_rad));
+    Surfel surfel;
+    surfel.position_m = (Eigen::Vector3d(0.2 * unit(random), 0.0, 0.0) + kRadius_m * outward).cast<float>();
+    surfel.inward_normal = -outward.cast<float>();
+    surfels.push_back(surfel);
+  }
+  return surfels;
+}
+
+TEST(ScanGrid, EverySurfelIsInOneCellAndEveryCellInOneBucket) {
+  const std::vector<Surfel> surfels = cylinder(5000);
+  std::vector<std::uint32_t> merged_into;
+  const SurfelGrid grid = merged_by_cell(surfels, {}, {}, 0.3 * kRadius_m, merged_into);
+  ASSERT_EQ(merged_into.size(), surfels.size());
+  for (std::size_t i = 0; i < surfels.size(); ++i) {
+    ASSERT_LT(merged_into[i], grid.surfels.size());
+    const float away_m = (grid.surfels[merged_into[i]].position_m - surfels[i].position_m).norm();
+    EXPECT_LT(away_m, std::sqrt(3.0) * grid.cell_m);
+  }
+  std::uint32_t next = 0;
+  for (const SurfelBucket& bucket : grid.buckets) {
+    EXPECT_EQ(bucket.begin, next);
+    for (next = bucket.begin; next < bucket.end; ++next)
+      EXPECT_LT((grid.surfels[next].position_m.cast<double>() - bucket.center_m).norm(),
+                1.001 * grid.bucket_radius_m());
+  }
+  EXPECT_EQ(next, grid.surfels.size());
+}
+
+TEST(ScanGrid, WhatIsLeftOutIsInNoCell) {
+  const std::vector<Surfel> surfels = cylinder(1000);
+  std::vector<char> left_out(surfels.size(), 0);
+  for (std::size_t i = 0; i < left_out.size(); i += 2) left_out[i] = 1;
+  std::vector<std::uint32_t> merged_into;
+  merged_by_cell(surfels, {}, left_out, 0.3 * kRadius_m, merged_into);
+  for (std::size_t i = 0; i < surfels.size(); ++i) EXPECT_EQ(merged_into[i] == kNotMerged, left_out[i] != 0);
+}
+
+TEST(ScanGrid, BucketsInABoxAreAllThatHaveTheirCentreInIt) {
+  const std::vector<Surfel> surfels = cylinder(20000);
+  std::vector<std::uint32_t> merged_into, numbers;
+  const SurfelGrid grid = merged_by_cell(surfels, {}, {}, 0.05 * kRadius_m, merged_into);
+  for (const double from_m : {-0.1, 0.0, 0.07, 0.19, 0.3}) {
+    const Eigen::AlignedBox3d box(Eigen::Vector3d(from_m, 0.0, -0.02), Eigen::Vector3d(from_m + 0.02, 0.004, 0.02));
+    grid.buckets_in(box, numbers);
+    EXPECT_TRUE(std::is_sorted(numbers.begin(), numbers.end()));
+    for (std::uint32_t i = 0; i < grid.buckets.size(); ++i) {
+      if (!box.contains(grid.buckets[i].center_m)) continue;
+      EXPECT_TRUE(std::binary_search(numbers.begin(), numbers.end(), i)) << i;
+    }
+  }
+}
+
+TEST(ScanGrid, MeansOfCellsKnowHowFarTheCurvedSurfaceStandsOutOverThem) {
+  const std::vector<Surfel> surfels = cylinder(40000);
+  std::vector<std::uint32_t> merged_into;
+  const SurfelGrid grid = merged_by_cell(surfels, {}, {}, 0.4 * kRadius_m, merged_into);
+  const ScanLine line = scan_line_along({{-0.05, 0.0, 0.0}, {0.25, 0.0, 0.0}}, kRadius_m, false);
+  double means_m = 0.0, surface_m = 0.0, worst_m = 0.0;
+  const std::vector<SurfacePoint> points = points_near(grid, {}, line);
+  ASSERT_GT(points.size(), grid.surfels.size() * 95 / 100);
+  for (const SurfacePoint& point : points) {
+    means_m += (point.distance_m - point.lift_m) / static_cast<double>(points.size());
+    surface_m += point.distance_m / static_cast<double>(points.size());
+    worst_m = std::max(worst_m, std::abs(point.distance_m - kRadius_m));
+  }
+  std::printf("means lie at %.5f R, the surface at %.6f R, worst %.5f R off\n", means_m / kRadius_m,
+              surface_m / kRadius_m, worst_m / kRadius_m);
+  EXPECT_LT(means_m, 0.997 * kRadius_m);
+  EXPECT_NEAR(surface_m, kRadius_m, 0.00003 * kRadius_m);
+  EXPECT_LT(worst_m, 0.00012 * kRadius_m);
+}
+
+}  // namespace
+}  // namespace tubetrack
