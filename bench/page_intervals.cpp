@@ -23,12 +23,13 @@ across the true centreline, in the reported covariance's units, is χ² with two
 and 95 % should stay below 5.99. Of radii 95 % should be off by no more than 1.96 σ.
 
 - **inside** is that share, with its standard error. The nodes of a tube err together, so the standard error counts
-  tubes: it is that of a ratio whose terms are the tubes' sums.
+  tubes: it is that of a ratio whose terms are the tubes' sums. That of radii is at least what chance makes of so many
+  tubes of which each is inside in 95 of 100 cases.
 - **error / σ** is the root of χ²'s mean over what it should be (for radii: the root mean square of error over σ). 1 is
   right, more says that σ is too small, less that it is too large. It tells more than the share does of so few tubes, as
   it does not ask only what is far out.
-- ✓: the share is within 93–97 %. ~: it is not, but by less than two standard errors, so it may be chance (where all
-  tubes are inside, its standard error shows as 0 and tells nothing). ✗: it is not, and that is hardly chance.
+- ✓: the share is within 93–97 %. ~: it is not, but by less than two standard errors, so it may be chance. ✗: it is not,
+  and that is hardly chance.
 )";
 
 /// A share or a mean, with its standard error.
@@ -77,6 +78,14 @@ Measured over_radii(const Calibration& calibration, Value value) {
   return ratio_of(parts);
 }
 
+/// Of the radii inside. Where all of few are, their scatter says nothing of how sure the share is.
+Measured radii_inside(const Calibration& calibration) {
+  Measured share = over_radii(calibration, [](const TubeError& tube) { return tube.inside() ? 1.0 : 0.0; });
+  const auto tubes = static_cast<double>(radius_errors_m(calibration).size());
+  share.error = std::max(share.error, std::sqrt(0.95 * 0.05 / tubes));
+  return share;
+}
+
 /// The root of a mean square.
 Measured root(const Measured& square) {
   const double value = std::sqrt(square.value);
@@ -105,9 +114,8 @@ void add_line(const std::string& name, const Calibration& some, const Goals& goa
   table.add({name, std::to_string(radius_errors_m(some).size()), std::to_string(some.nodes.size()),
              share_cell(over_nodes(some, [](const NodeError& n) { return n.inside() ? 1.0 : 0.0; }), goals),
              ratio_cell(root(over_nodes(some, [](const NodeError& n) { return 0.5 * n.chi2; }))),
-             share_cell(over_radii(some, [](const TubeError& t) { return t.inside() ? 1.0 : 0.0; }), goals),
-             ratio_cell(root(over_radii(some, square))), bias(some.toward_camera_m() / kMm, 3),
-             bias(some.radius_error_m() / kMm, 3)});
+             share_cell(radii_inside(some), goals), ratio_cell(root(over_radii(some, square))),
+             bias(some.toward_camera_m() / kMm, 3), bias(some.radius_error_m() / kMm, 3)});
 }
 
 using Kind = Figures RowResult::*;
