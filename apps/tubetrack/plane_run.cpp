@@ -52,6 +52,7 @@ Expected<void> fuse_frame(const DepthFrame& frame, const TrackerConfig& config, 
 Expected<FusedFrames> fuse_all(FrameSource& source, const TrackerConfig& config, const PlaneRunOptions& options) {
   const Intrinsics& camera = source.info().intrinsics;
   HeightMap readings = make_height_map(camera);
+  readings.at_disparity_levels = true;  // as the noise model says, until a frame tells otherwise
   FusedFrames fused;
   Progress progress(options.quiet, source.info().frame_count);
   DepthFrame frame;

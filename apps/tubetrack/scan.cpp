@@ -160,8 +160,11 @@ Expected<void> run_scan(const ScanFlags& flags) {
   if (auto written = write_line(line, flags.out); !written) return written;
   if (frame.tubes.empty()) {
     return tl::make_unexpected(Error::failed(
-        fmt::format("{}: no tube of radius {:.4g} to {:.4g} m found; check --unit, or give --radius-range", flags.file,
-                    config.radius_m.value_or(config.radius_min_m), config.radius_m.value_or(config.radius_max_m))));
+        fmt::format("{}: no tube of radius {:.4g} to {:.4g} m found; {}", flags.file,
+                    config.radius_m.value_or(config.radius_min_m), config.radius_m.value_or(config.radius_max_m),
+                    config.radius_m || !flags.radius_range.empty()
+                        ? "radii are in metres, whatever --unit says; leave it out to look for all"
+                        : "check --unit, or give --radius-range")));
   }
   if (!flags.quiet) {
     print_tubes(frame, joints);

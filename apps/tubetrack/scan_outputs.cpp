@@ -168,8 +168,8 @@ Expected<void> check_scan_outputs(const ScanOutputs& outputs, const std::string&
 Expected<void> write_scan_outputs(const ScanOutputs& outputs, const Scan& scan, std::span<const Surfel> surfels,
                                   std::span<const Tube> tubes) {
   if (auto written = write_tables(outputs, tubes); !written) return written;
-  if (auto written = write_step_file(outputs.step, tubes); !written) return written;
-  return write_surfaces(outputs, scan, surfels, tubes);
+  if (auto written = write_surfaces(outputs, scan, surfels, tubes); !written) return written;
+  return write_step_file(outputs.step, tubes);  // last, as some tubes make no solid
 }
 
 }  // namespace tubetrack

@@ -193,7 +193,8 @@ std::optional<TopoDS_Shape> solid_of(const Tube& tube, std::string& note) {
     if (is_sound(shape, tube)) return shape;
     note = fmt::format("tube {}: is left out: its section, swept along it, makes no valid solid", tube.id);
   } catch (const Standard_Failure& failure) {
-    note = fmt::format("tube {}: is left out: {}", tube.id, failure.DynamicType()->Name());
+    note = fmt::format("tube {}: is left out: OpenCASCADE makes no solid of it ({})", tube.id,
+                       failure.DynamicType()->Name());
   }
   return std::nullopt;
 }

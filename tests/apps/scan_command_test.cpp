@@ -384,6 +384,14 @@ TEST_F(RealScanCommand, TheTrefoilIsOneClosedTubeWithoutEnds) {
   EXPECT_EQ(tubes[0]["centerline_m"].front(), tubes[0]["centerline_m"].back());
 }
 
+TEST_F(RealScanCommand, WhatOpenCascadeMakesNoSolidOfIsWrittenAsAllElse) {
+  const ProgramEnd end = scan({(real_data() / "meshes/trefoil-tube.off").string(), "--lra", path("t.csv"), "--mesh",
+                               path("t.ply"), "--picture", path("t.png"), "--step", path("t.step")});
+  if (end.err.find("libocct-data-exchange-dev") != std::string::npos) GTEST_SKIP() << "built without OpenCASCADE";
+  EXPECT_EQ(end.exit_code, std::filesystem::exists(path("t.step")) ? 0 : 1);
+  for (const char* name : {"t.csv", "t.ply", "t.png"}) EXPECT_TRUE(std::filesystem::exists(path(name))) << name;
+}
+
 TEST_F(RealScanCommand, TheAortaIsOneTubeThroughoutItsCane) {
   const auto tubes = tubes_of("aorta-ct/aorta_true_lumen.nii.gz");
   ASSERT_GE(tubes.size(), 1U);

@@ -232,6 +232,23 @@ TEST(Tracking, ATubeThatIsGoneIsLostAndForgottenAfterASecond) {
   EXPECT_TRUE(track(empty, 34).empty());
 }
 
+// Where all is so near that levels lie closer than millimetres no frame tells whether readings are at any.
+TEST(Tracking, AThinTubeIsNotOffWhereAllIsTooNearToTellDisparityLevels) {
+  for (const std::uint64_t seed : {1U, 2U, 3U}) {
+    Scene scene = *load_scene("near-thin");
+    scene.seed = seed;
+    TrackerConfig config;
+    config.noise = DepthNoise{}.sensor;
+    auto tracker = TubeTracker::create(config, scene.camera);
+    ASSERT_TRUE(tracker);
+    for (int i = 0; i < 10; ++i) tracker->track(depth_frame(render_frame(scene, i, {})));
+    const RenderedFrame last = render_frame(scene, 10, {});
+    const TubeFrame& result = tracker->track(depth_frame(last));
+    ASSERT_EQ(result.tubes.size(), 1U);
+    EXPECT_NEAR(result.tubes[0].radius_m, 0.005, 0.00006) << seed;  // 0.2 mm with the readings as they are
+  }
+}
+
 TEST(Tracking, ATubeThatComesBackWithinASecondHasItsOldId) {
   Scene scene = *load_scene("straight");
   Scene empty = scene;
