@@ -26,7 +26,10 @@ tracked with the default configuration: the radius is not told. Coverage, RMS, f
   shape is known, the radius is one unknown number for the whole tube, and nothing else helps. The column *bound* is the
   root mean square of both axes together, beside the RMS; *σ / bound* compares the larger axis of each node with that of
   its piece.
-- a frame's time is that of the whole call, on one thread.
+- a frame's time is that of the whole call, on one thread, beside whatever else the machine did; performance.md is where
+  speed is measured.
+- `pose-errors` has goals of its own: 3.5 mm, and no interval, as none can know of a wrong pose. A goal is judged in the
+  rows that have tubes and a figure for it; after 30 frames "at rest" are those in which camera and tubes are.
 
 The seeds of this page (`held-out`, from 1000001) are not those that `accuracy_suite` shows by default (`tuning`, from 1).
 )";
@@ -36,7 +39,7 @@ constexpr const char* kAblation = R"(## Where bias comes from
 The rows `straight` and `bent`, single frames, with parts of the noise switched off or alone (docs/scene.md says what
 each part does). The tracker is the same in all of them and expects all of the noise, so the intervals are too wide where
 parts are off. A bias that a part brings shows as the difference between "without" it and "all"; one that is corrected
-leaves none.
+leaves none. Its correction stays on where the part is off, and then is a bias itself.
 
 )";
 
@@ -49,10 +52,10 @@ std::string piece_text(const Report& report) {
     usual.nodes.insert(usual.nodes.end(), nodes.begin(), nodes.end());
   }
   return fmt::format(
-      "The bound's pieces are {:g} diameters long. The tracker's own smoothing, by how far errors sideways are alike "
+      "The bound's pieces are {:g} × the diameter long. The tracker's own smoothing, by how far errors sideways are "
+      "alike "
       "(rows `straight`, `bent`, `random`): {} diameters. A tracker that smooths over more than the pieces can fall "
-      "below "
-      "the bound; one that smooths over less can't reach it.\n\n",
+      "below the bound; one that smooths over less can't reach it.\n\n",
       report.about.bound_piece_diameters, number(0.5 * smoothing_radii(usual), 1));
 }
 

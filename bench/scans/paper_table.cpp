@@ -87,7 +87,7 @@ std::string paper_rows_text(const std::vector<PaperRow>& rows) {
   for (const PaperRow& row : rows) {
     const bool quick = row.transcription_s >= 100.0 * row.ours_s || row.ours_s <= 0.01 * row.paper_s;
     table.add({row.name, std::to_string(row.faces), number(row.paper_s, 2), number(row.transcription_s, 2),
-               number(row.ours_s, 3), ratio(row.transcription_s, row.ours_s, 1) + (quick ? " ✓" : " ✗"),
+               number(row.ours_s, 3) + (quick ? " ✓" : " ✗"), ratio(row.transcription_s, row.ours_s, 1),
                ratio(row.ours_s, row.paper_s, 3), at_most(row.rms_voxels, row.goal_voxels, 1.0, 3),
                fmt::format("≤ {:g}", row.goal_voxels), std::to_string(row.tubes), number(row.found, 3)});
   }

@@ -92,8 +92,8 @@ void run_paper(const Options& options) {
   for (const PaperScan& scan : robustness_scans(1.0)) robustness.push_back(measure(scan, false));
   std::string text = page_head("Static scans like the paper's", options.about);
   text +=
-      "✓ and ✗ say whether a figure meets its goal: accuracy as the table says, and ours 100 times quicker than the "
-      "transcription or under a hundredth of the paper's time.\n\n";
+      "✓ and ✗ say whether a figure meets its goal: accuracy as the table says, and our seconds a hundredth of the "
+      "transcription's or of the paper's.\n\n";
   text += paper_rows_text(paper) + kPaperHow;
   text += "\n## Robustness\n\nAs in the paper's figure of accumulation images.\n\n" + robustness_text(robustness);
   text += "\n## Beside thinning\n\nAs in the paper's figure 2.\n\n" + holed_tubes_text() + kHoledHow;
