@@ -10,6 +10,7 @@
 #include <cstring>
 #include <fstream>
 #include <stdexcept>
+#include <thread>
 
 #include "emulated_machine/usb_descriptors.hpp"
 
@@ -67,10 +68,19 @@ UsbCamera::UsbCamera(const UsbCameraSettings& settings) : settings_(settings) {
   int ends[2] = {};
   if (socketpair(AF_UNIX, SOCK_STREAM, 0, ends) != 0) throw std::runtime_error("no socket for the camera");
   socket_ = ends[0];
-  std::ofstream attach(std::string(kHub) + "attach");
-  attach << kPort << ' ' << ends[1] << ' ' << kDevice << ' ' << kHighSpeed << std::flush;
+  const auto attach = [&] {
+    std::ofstream file(std::string(kHub) + "attach");
+    file << kPort << ' ' << ends[1] << ' ' << kDevice << ' ' << kHighSpeed << std::flush;
+    return static_cast<bool>(file);
+  };
+  bool attached = attach();
+  // The port is free again only some time after the camera before was unplugged.
+  for (int tries = 0; !attached && tries < 50; ++tries) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(200));
+    attached = attach();
+  }
   close(ends[1]);  // the kernel has its own
-  if (!attach) throw std::runtime_error("the kernel takes no camera: module vhci-hcd, and root?");
+  if (!attached) throw std::runtime_error("the kernel takes no camera: module vhci-hcd, and root?");
   requests_thread_ = std::thread([this] { answer_requests(); });
   frames_thread_ = std::thread([this] { send_frames(); });
 }
