@@ -101,7 +101,6 @@ std::vector<Method> methods_of(const Options& options) {
 }
 
 void write_page(const std::string& path, const std::string& text) {
-  if (path.empty()) return;
   std::ofstream file(path);
   file << text;
   if (!file.flush()) throw std::runtime_error(path + ": can't be written");
@@ -126,8 +125,8 @@ void run(const Options& options) {
     report.ablation = run_ablation(options.ablation, first_seed(options), options.jobs, progress_of("noise in parts"));
     for (const AblationStep& step : report.ablation) fmt::print("{}", plain_line(step.noise, "single", step.figures));
   }
-  write_page(options.page, page(report));
-  write_page(options.intervals, intervals_page(report));
+  if (!options.page.empty()) write_page(options.page, page(report));
+  if (!options.intervals.empty()) write_page(options.intervals, intervals_page(report));
 }
 
 void add_options(CLI::App& app, Options& options) {

@@ -53,8 +53,7 @@ std::string piece_text(const Report& report) {
   }
   return fmt::format(
       "The bound's pieces are {:g} × the diameter long. The tracker's own smoothing, by how far errors sideways are "
-      "alike "
-      "(rows `straight`, `bent`, `random`): {} diameters. A tracker that smooths over more than the pieces can fall "
+      "alike (rows `straight`, `bent`, `random`): {} diameters. A tracker that smooths over more than a piece can fall "
       "below the bound; one that smooths over less can't reach it.\n\n",
       report.about.bound_piece_diameters, number(0.5 * smoothing_radii(usual), 1));
 }

@@ -23,7 +23,8 @@ constexpr int kBestStanding = 20;  // ten frames beside a hand do not undo it
 constexpr double kSureTaper = 0.02;
 constexpr double kConfirming = 0.85;
 constexpr double kShort = 5.0;  // diameters
-constexpr double kHook = 0.4;   // spans
+constexpr int kConfirmingFrames = 2, kConfirmingFramesOfShort = 8;
+constexpr double kHook = 0.4;  // spans
 constexpr double kFastest_m_s = 0.75;
 
 RecycledVector<Eigen::Vector3d> samples_of(const TubeModel& model, const Extent& extent) {
@@ -169,7 +170,7 @@ void take_in_fresh(KnownTubes& known, FoundTube found, const HeightMap& map, con
   FollowedTube fresh = start_following(std::move(found), map, config, timestamp_s, known.next_id);
   // Lengthened along all that the image confirms it may turn out to be none: a forearm's taper shows over its length.
   const FoundTube whole = as_found(fresh, map, config);
-  if (why_no_tube(whole, config)) return;
+  if (why_no_tube(whole.evidence, whole.model.radius_m, config)) return;
   ++known.next_id;
   fresh.confirmed = known.first_frame && sure_at_once(whole);
   fresh.standing = fresh.confirmed ? 2 : 0;
@@ -181,7 +182,8 @@ void take_in_fresh(KnownTubes& known, FoundTube found, const HeightMap& map, con
 /// forearm is one for more frames, but a short one.
 bool is_sure(const FollowedTube& tube, double length_m) {
   const bool is_short = length_m < kShort * 2.0 * tube.model.radius_m;
-  return tube.standing >= (is_short ? 8 : 2) && confidence_of(tube) > kConfirming;
+  return tube.standing >= (is_short ? kConfirmingFramesOfShort : kConfirmingFrames) &&
+         confidence_of(tube) > kConfirming;
 }
 
 }  // namespace
@@ -244,14 +246,12 @@ void confirm_or_forget(KnownTubes& known, HeightMap& map, const TrackerConfig& c
     if (tube.state != TubeState::tracked || !now) continue;
     const SeenTube mine = seen(tube);
     hide_others(known.tubes, &tube, &mine, map, hidden);
-    FoundTube now_found;  // no more of it than is judged: its pixels and matrices are large
-    now_found.model = tube.model;
-    now_found.evidence = gather_evidence(map, config.noise, tube.model, tube.pixels, tube.extent);
-    add_look(tube, now_found.evidence);
-    const bool denied = why_no_tube(now_found, config).has_value();
+    const Evidence evidence = gather_evidence(map, config.noise, tube.model, tube.pixels, tube.extent);
+    add_look(tube, evidence);
+    const bool denied = why_no_tube(evidence, tube.model.radius_m, config).has_value();
     show_again(map, hidden);
     tube.standing = std::min(kBestStanding, tube.standing + (denied ? -2 : 1));
-    tube.confirmed = tube.confirmed || is_sure(tube, now_found.evidence.length_m);
+    tube.confirmed = tube.confirmed || is_sure(tube, evidence.length_m);
   }
   std::erase_if(known.tubes, [](const FollowedTube& tube) { return tube.standing < 0; });
 }

@@ -107,7 +107,7 @@ void try_again(const RecycledVector<Seed>& refused, RecycledVector<FoundTube>& t
   for (const Seed& seed : refused) {
     for (const FoundTube& other : tubes) hide_from(nullptr, seen(other), map, hidden);
     auto found = grow_tube(map, config, seed);
-    if (found && !why_no_tube(*found, config)) {
+    if (found && !why_no_tube(found->evidence, found->model.radius_m, config)) {
       go_on_behind(map, config, *found);
       if (take_place(tubes, *found)) tubes.push_back(std::move(*found));
     }
@@ -182,7 +182,7 @@ RecycledVector<FoundTube> find_tubes(AccumulationMap& votes, std::span<const Sur
     watch.lap(times.trace_ms);
     if (!std::exchange(known_are_hidden, true)) hide_others(known, nullptr, nullptr, map, hidden);
     auto found = grow_tube(map, config, seed);
-    if (found && why_no_tube(*found, config)) {
+    if (found && why_no_tube(found->evidence, found->model.radius_m, config)) {
       refused.push_back(seed);
       found.reset();
     }

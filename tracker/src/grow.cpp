@@ -201,13 +201,14 @@ std::optional<FoundTube> grow_model(const HeightMap& map, const TrackerConfig& c
   if (stride > 1) {
     auto coarse = grow_until_settled(map, config, std::move(model), stride, {});
     if (!coarse) return std::nullopt;
-    if (hopeless(*coarse, config) && !silhouette_radius_m(coarse->evidence, coarse->model.radius_m))
+    if (hopeless(coarse->evidence, coarse->model.radius_m, config) &&
+        !silhouette_radius_m(coarse->evidence, coarse->model.radius_m))
       return std::nullopt;
     rounds = {1, 3};
     model = std::move(coarse->model);
   }
   auto found = grow_until_settled(map, config, std::move(model), 1, rounds);
-  if (found && !why_no_surface(*found, config)) {
+  if (found && !why_no_surface(found->evidence, found->model.radius_m, config)) {
     look_beside(map, config.noise, found->model, found->extent, found->evidence);
   }
   return found;
@@ -219,7 +220,7 @@ std::optional<FoundTube> grow_from(const HeightMap& map, const TrackerConfig& co
   if (line_m.size() > 3) {
     TubeModel traced{spline_along(line_m, kKnotSpacingRadii * start.radius_m), start.radius_m};
     auto found = grow_model(map, config, std::move(traced));
-    if (found && !why_no_tube(*found, config)) return found;
+    if (found && !why_no_tube(found->evidence, found->model.radius_m, config)) return found;
   }
   return grow_model(map, config, start);
 }
@@ -281,7 +282,7 @@ void go_on_behind(const HeightMap& map, const TrackerConfig& config, FoundTube& 
     longer = whole.model;
   }
   look_beside(map, config.noise, whole.model, whole.extent, whole.evidence);
-  if (why_no_tube(whole, config)) return;
+  if (why_no_tube(whole.evidence, whole.model.radius_m, config)) return;
   whole.held_radius_m = tube.held_radius_m;
   tube = std::move(whole);
 }
@@ -293,7 +294,7 @@ void fit_again(const HeightMap& map, const TrackerConfig& config, FoundTube& tub
   auto again = grow_until_settled(map, held, tube.model, 1, rounds);
   if (!again || again->evidence.length_m < 0.8 * tube.evidence.length_m) return;
   look_beside(map, config.noise, again->model, again->extent, again->evidence);
-  if (why_no_tube(*again, config)) return;
+  if (why_no_tube(again->evidence, again->model.radius_m, config)) return;
   again->held_radius_m = tube.held_radius_m;
   tube = std::move(*again);
 }

@@ -115,7 +115,7 @@ std::optional<FoundTube> join_pieces(const HeightMap& map, const TrackerConfig& 
   joined.evidence = gather_evidence(map, config.noise, joined.model, joined.pixels, joined.extent);
   const double worst = std::max(a.evidence.noise_ratio, b.evidence.noise_ratio);
   if (joined.evidence.noise_ratio > 1.05 * worst + 0.02) return std::nullopt;
-  if (why_no_tube(joined, config)) return std::nullopt;
+  if (why_no_tube(joined.evidence, joined.model.radius_m, config)) return std::nullopt;
   return joined;
 }
 

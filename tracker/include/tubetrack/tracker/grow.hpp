@@ -44,7 +44,8 @@ void fit_again(const HeightMap& map, const TrackerConfig& config, FoundTube& tub
 /// Why something is no tube, for people.
 using Reason = std::basic_string<char, std::char_traits<char>, RecyclingAllocator<char>>;
 
-/// DESIGN §2, "A tube": long, wide and round enough, confirmed by the image, convex. The reason when it is none.
-std::optional<Reason> why_no_tube(const FoundTube& found, const TrackerConfig& config);
+/// DESIGN §2, "A tube": long, wide and round enough, confirmed by the image, convex. The reason when what was seen of
+/// one of radius_m (metres) is none.
+std::optional<Reason> why_no_tube(const Evidence& evidence, double radius_m, const TrackerConfig& config);
 
 }  // namespace tubetrack
