@@ -25,7 +25,7 @@ struct CellRange {
 struct Reading {
   int col = 0, row = 0;
   float height_m = 0.0F;
-  float sigma_m = 0.0F;
+  float sigma_m = 0.0F;  ///< of the height
 };
 
 /// Beside a depth edge a reading may be a mixture of what lies on either side.
@@ -69,20 +69,28 @@ std::optional<Eigen::Vector3d> plane_around(const HeightMap& frame, int u, int v
   return Eigen::Vector3d(a, b, w.z() - a * middle.x() - b * middle.y());
 }
 
+/// A reading over the plane that has been put on its surface.
+struct OnSurface {
+  Eigen::Vector3d point_m;    ///< over the plane
+  Eigen::Vector2d rise;       ///< of the heights, per metre along the plane's axes
+  double height_per_m = 0.0;  ///< what the height changes by for a change of the depth
+};
+
 /// Moves a reading to where its ray meets the surface that the readings around it show, and by its height above that.
 /// Where its own noise carried it is no place for it: on a flank that faces away more readings come from the side that
 /// is seen better than go there, so that a mean by place lies too low, by 2 mm at the silhouette of a tube of 20 mm.
-/// False where no surface is seen, or one that no height tells.
-bool put_on_surface(const Eigen::Isometry3d& plane_from_camera, const Eigen::Vector3d& surface,
-                    const Eigen::Vector3d& ray, Eigen::Vector3d& point) {
+/// Empty where no surface is seen, or one that no height tells.
+std::optional<OnSurface> put_on_surface(const Eigen::Isometry3d& plane_from_camera, const Eigen::Vector3d& surface,
+                                        const Eigen::Vector3d& ray, double depth_m) {
   constexpr double kSteepest = 0.25;  // cosine of 75°
+  constexpr double kGrazing = 0.42;   // of 65°: beyond, jitter across the silhouette puts readings too far away
   const Eigen::Vector3d normal = plane_from_camera.linear() * surface;
   const double along = surface.dot(ray);
-  if (along <= 0.0 || normal.z() < kSteepest * normal.norm()) return false;
+  if (along < kGrazing * surface.norm() * ray.norm() || normal.z() < kSteepest * normal.norm()) return std::nullopt;
   const Eigen::Vector3d met = plane_from_camera * (ray / along);
-  const double behind = normal.dot(point - met);
-  point = {met.x(), met.y(), met.z() + behind / normal.z()};
-  return true;
+  const double behind_m = depth_m - 1.0 / along;
+  const double height_per_m = along / normal.z();
+  return OnSurface{{met.x(), met.y(), met.z() + behind_m * height_per_m}, normal.head<2>() / normal.z(), height_per_m};
 }
 
 std::vector<Reading> readings_of(const PlaneMap& map, const HeightMap& frame, const NoiseModel& noise,
@@ -98,14 +106,19 @@ std::vector<Reading> readings_of(const PlaneMap& map, const HeightMap& frame, co
     if (beside_edge(frame, u, v, sigma_m)) continue;
     const double depth_m = depth_of_level_m(levels, frame.depth_m[cell]);
     const Eigen::Vector3d ray(frame.rays[cell].x(), frame.rays[cell].y(), 1.0);
-    Eigen::Vector3d point = plane_from_camera * (depth_m * ray);
     const auto surface = plane_around(frame, u, v, sigma_m);
-    if (!surface || !put_on_surface(plane_from_camera, *surface, ray, point)) continue;
-    if (!(-point.z() >= kLowest_m && -point.z() <= kHighest_m)) continue;
-    const double col = std::floor(point.x() / map.cell_m), row = std::floor(point.y() / map.cell_m);
+    const auto placed =
+        surface ? put_on_surface(plane_from_camera, *surface, ray, depth_m) : std::optional<OnSurface>();
+    if (!placed) continue;
+    const double height_m = -placed->point_m.z();
+    if (!(height_m >= kLowest_m && height_m <= kHighest_m)) continue;
+    const double col = std::floor(placed->point_m.x() / map.cell_m), row = std::floor(placed->point_m.y() / map.cell_m);
     if (std::abs(col) >= kMostCells || std::abs(row) >= kMostCells) continue;
-    readings.push_back(
-        {static_cast<int>(col), static_cast<int>(row), static_cast<float>(-point.z()), static_cast<float>(sigma_m)});
+    // To the cell's middle, along the surface: of the last cell of a flank only the part that is seen has readings.
+    const Eigen::Vector2d to_middle_m = map.cell_m * Eigen::Vector2d(col + 0.5, row + 0.5) - placed->point_m.head<2>();
+    readings.push_back({static_cast<int>(col), static_cast<int>(row),
+                        static_cast<float>(height_m + placed->rise.dot(to_middle_m)),
+                        static_cast<float>(sigma_m * placed->height_per_m)});
   }
   return readings;
 }
