@@ -55,8 +55,10 @@ Expected<RecordedSequence> read_image_folder(const std::filesystem::path& folder
     sequence.camera = *camera;
   }
   if (images->size() > 1) {
-    sequence.notes.push_back(fmt::format("{}: no timestamps, {:g} frames a second assumed", folder_or_image.string(),
-                                         kAssumedFramesPerSecond));
+    sequence.notes.push_back(
+        fmt::format("{}: no timestamps, {:g} frames a second of one scene assumed; images of different scenes "
+                    "are tracked one by one, by the file's name",
+                    folder_or_image.string(), kAssumedFramesPerSecond));
   }
   return sequence;
 }

@@ -68,6 +68,8 @@ std::string score_table(const Score& score) {
   if (score.frames_without_truth > 0) fmt::format_to(out, ", {} results without truth", score.frames_without_truth);
   fmt::format_to(out, "; {:.2f} m of centreline reported, {:.2f} m false\n", score.total.reported_m,
                  score.total.false_m);
+  if (score.total.reported_m > 0.0 && score.total.false_m >= score.total.reported_m)
+    text += "no reported tube lies at a true one: are these the results of this recording, in its frame?\n";
   const BendErrors& bends = score.bends;
   if (bends.tubes > 0) {
     fmt::format_to(out,

@@ -22,7 +22,8 @@ TEST(ImageFolder, PngTiffAndPgmComeInNaturalOrderAtThirtyFramesASecond) {
   write_text(folder / "README.md", "not a frame");
   auto opened = open_recording(folder.path(), flags());
   ASSERT_TRUE(opened.has_value()) << opened.error().message;
-  EXPECT_THAT(opened->notes, ElementsAre(HasSubstr("no timestamps, 30 frames a second assumed")));
+  EXPECT_THAT(opened->notes, ElementsAre(AllOf(HasSubstr("no timestamps, 30 frames a second of one scene assumed"),
+                                               HasSubstr("one by one"))));
   const auto seen = play(*opened->source);
   ASSERT_EQ(seen.size(), 4u);
   const int seeds[] = {2, 9, 10, 11};

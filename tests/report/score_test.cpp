@@ -265,6 +265,12 @@ TEST(Score, TableAndJsonSayTheSame) {
                   .is_null());
 }
 
+TEST(Score, ResultsOfAnotherSceneAreTakenForWhatTheyAre) {
+  const char* const kHint = "are these the results of this recording";
+  EXPECT_THAT(score_table(scored_one(reported_tube(9, 0.0, 0.4, 0.5))), HasSubstr(kHint));
+  EXPECT_THAT(score_table(scored_one(reported_tube(9, 0.0, 0.4, 0.003))), Not(HasSubstr(kHint)));
+}
+
 TEST(Score, BendsAreComparedWhereTubesHaveThem) {
   TrueTube truth = true_tube(1, 0.0);
   truth.bends = {{0.1, 1.2, 0.0}};
