@@ -59,8 +59,13 @@ void print_scan(const ScanFlags& flags, const Scan& scan, std::size_t surfels, d
 
 void print_tubes(const TubeFrame& frame, std::span<const TubeJoint> joints) {
   for (const Tube& tube : frame.tubes) {
-    fmt::print(stderr, "tube {}: {}radius {:.3f} ± {:.3f} mm, length {:.1f} mm", tube.id, tube.closed ? "closed, " : "",
-               1e3 * tube.radius_m, 1e3 * tube.radius_sigma_m, 1e3 * tube.length_m);
+    fmt::print(stderr, "tube {}: {}radius {:.3f} ± {:.3f} mm", tube.id, tube.closed ? "closed, " : "",
+               1e3 * tube.radius_m, 1e3 * tube.radius_sigma_m);
+    if (!tube.node_radius_m.empty()) {
+      const auto [least, most] = std::ranges::minmax_element(tube.node_radius_m);
+      fmt::print(stderr, " on average, {:.3f} to {:.3f} along it", 1e3 * *least, 1e3 * *most);
+    }
+    fmt::print(stderr, ", length {:.1f} mm", 1e3 * tube.length_m);
     int arcs = 0, straights = 0, free = 0;
     for (const Segment& segment : tube.segments) {
       arcs += segment.type == Segment::Type::arc ? 1 : 0;

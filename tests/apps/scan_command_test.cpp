@@ -11,7 +11,9 @@
 namespace tubetrack::test {
 namespace {
 
+using ::testing::ContainsRegex;
 using ::testing::HasSubstr;
+using ::testing::Not;
 
 /// A pipe of radius 6 mm, bent by 3 rad about a radius of 40 mm, ends open; in millimetres.
 TestMesh bent_pipe() {
@@ -46,6 +48,18 @@ TEST_F(ScanCommand, AMeshGivesOneLineThatTheSchemaTakes) {
   EXPECT_NEAR(line["tubes"][0]["length_m"].get<double>(), 0.120, 0.002);
   EXPECT_THAT(end.err, HasSubstr("unit: mm (assumed)"));
   EXPECT_THAT(end.err, HasSubstr("1 tube(s) in"));
+}
+
+TEST_F(ScanCommand, TheSummarySaysHowFarATubeTapers) {
+  TestMesh mesh = bent_pipe();
+  for (Eigen::Vector3d& point : mesh.points) {
+    const Eigen::Vector3d middle = 40.0 * Eigen::Vector3d(point.x(), point.y(), 0.0).normalized();
+    const double from_start = 1.0 / 3.0 * std::atan2(point.y(), point.x());
+    point = middle + (0.85 + 0.3 * from_start) * (point - middle);
+  }
+  EXPECT_THAT(scan({write("taper.off", off_text(mesh))}).err,
+              ContainsRegex(" on average, 5\\.[12].. to 6\\.[78].. along it"));
+  EXPECT_THAT(scan({write("pipe.off", off_text(bent_pipe()))}).err, Not(HasSubstr("on average")));
 }
 
 TEST_F(ScanCommand, UnitsScaleTheResult) {
