@@ -77,6 +77,8 @@ Expected<int> live(const LiveOptions& options) {
   }
   const auto status_every_s = status_every_from(options.status_every);
   if (!status_every_s) return tl::make_unexpected(status_every_s.error());
+  auto run = run_options_from(options.track, *config);
+  if (!run) return tl::make_unexpected(run.error());
   if (auto kept = keep_others("--record", options.record); !kept) return tl::make_unexpected(kept.error());
   DeviceFlags flags = options.flags;
   const bool to_oni = std::filesystem::path(options.record).extension() == ".oni";
@@ -89,23 +91,22 @@ Expected<int> live(const LiveOptions& options) {
   if (!config) return tl::make_unexpected(config.error());
   auto tracker = create_tracker(*config, info.intrinsics);
   if (!tracker) return tl::make_unexpected(tracker.error());
-  RunOptions run = run_options_from(options.track, *config);
-  run.realtime = true;
-  run.interrupted_exit_code = 0;
-  run.status_every_s = *status_every_s;
-  run.survive_loss = flags.reconnects();
+  run->realtime = true;
+  run->interrupted_exit_code = 0;
+  run->status_every_s = *status_every_s;
+  run->survive_loss = flags.reconnects();
   if (flags.on_reconnect == "reset") {
-    run.fresh_tracker = [&config, &info] { return create_tracker(*config, info.intrinsics); };
+    run->fresh_tracker = [&config, &info] { return create_tracker(*config, info.intrinsics); };
   }
   std::optional<Recorder> recorder;
   if (!options.record.empty() && !to_oni) {
     auto created = Recorder::create(options.record, info);
     if (!created) return tl::make_unexpected(created.error());
     recorder = std::move(*created);
-    run.on_frame = [&recorder](const DepthFrame& frame) { return recorder->write(frame); };
+    run->on_frame = [&recorder](const DepthFrame& frame) { return recorder->write(frame); };
   }
   hurry_when_interrupted();
-  const int exit_code = run_tracker(**source, *tracker, run);
+  const int exit_code = run_tracker(**source, *tracker, *run);
   if (recorder && !options.track.quiet)
     fmt::print(stderr, "{}: {} frames recorded\n", options.record, recorder->frames_written());
   return exit_code;

@@ -105,7 +105,9 @@ Expected<int> run_plane_map(FrameSource& source, const TrackerConfig& config, co
   result->timestamp_s = fused->last_timestamp_s;
   result->frame_id = frame_id;
   result->latency_ms = std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count();
-  const std::string line = result_line(*result, options.with_timing);
+  const std::vector<NominalComparison> compared = compare_with_nominal(options.nominal.tubes, result->tubes);
+  const std::string line =
+      line_with_findings(*result, options.with_timing, {{}, compared, options.nominal.tolerance_m});
   if (options.out.empty()) {
     fmt::print("{}\n", line);
   } else if (auto written = write_text_file("--out", options.out, line + "\n"); !written) {
@@ -115,12 +117,15 @@ Expected<int> run_plane_map(FrameSource& source, const TrackerConfig& config, co
     fmt::print(stderr,
                "{} frames in a map of {} x {} cells of {:.2g} mm ({} bad or without a pose left out); {} tube(s)\n",
                fused->fused, file.width, file.height, 1e3 * file.cell_size_m, fused->left_out, result->tubes.size());
+    print_nominal(compared);
   }
   if (ended_early) return 130;
   if (options.strict && fused->left_out > 0) {
     return tl::make_unexpected(Error::failed(
         fmt::format("{}: --strict, and {} frames are bad or without a pose", source.info().name, fused->left_out)));
   }
+  if (auto judged = judge_nominal(source.info().name, compared, options.nominal.tolerance_m); !judged)
+    return tl::make_unexpected(judged.error());
   return 0;
 }
 

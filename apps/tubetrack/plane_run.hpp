@@ -2,7 +2,8 @@
 
 #include <string>
 
-#include "tubetrack/report/result_json.hpp"
+#include "nominal_check.hpp"
+#include "tubetrack/report/scan_json.hpp"
 #include "tubetrack/sensors/frame_source.hpp"
 #include "tubetrack/tracker/tracker_config.hpp"
 
@@ -16,13 +17,15 @@ struct PlaneRunOptions {
   bool with_timing = true;
   bool strict = false;  ///< a frame that is left out makes the exit code 1
   bool quiet = false;
+  NominalCheck nominal;
 };
 
 /// Fuses all frames of a recording into heights over the largest plane of the first (DESIGN §2, metric grid), then
 /// finds the tubes of that map as those of a static scan: one line, of the last frame, in the frame of the recording's
 /// poses or of its camera. Frames without a pose and corrupt ones are left out and counted on stderr. Ctrl-C ends the
 /// fusing, not the search. Returns the exit code: 0 done; 130 ended by Ctrl-C. An error: no plane, no good frame, or
-/// the recording can't be read to its end.
+/// the recording can't be read to its end, or a
+/// nominal tube is out of its tolerance.
 Expected<int> run_plane_map(FrameSource& source, const TrackerConfig& config, const PlaneRunOptions& options);
 
 }  // namespace tubetrack

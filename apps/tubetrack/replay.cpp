@@ -57,6 +57,9 @@ Expected<PlaneRunOptions> plane_options_from(const ReplayOptions& options, const
   plane.with_timing = !options.track.no_timing;
   plane.strict = options.track.strict;
   plane.quiet = options.track.quiet;
+  auto nominal = nominal_check_from(options.track.nominal, options.track.out);
+  if (!nominal) return tl::make_unexpected(nominal.error());
+  plane.nominal = std::move(*nominal);
   return plane;
 }
 
@@ -85,9 +88,10 @@ Expected<int> replay(const ReplayOptions& options) {
   if (plane) return run_plane_map(*recording->source, *config, *plane_options);
   auto tracker = create_tracker(*config, recording->source->info().intrinsics);
   if (!tracker) return tl::make_unexpected(tracker.error());
-  RunOptions run = run_options_from(options.track, *config);
-  run.realtime = reading->pace == Pace::realtime;
-  return run_tracker(*recording->source, *tracker, run);
+  auto run = run_options_from(options.track, *config);
+  if (!run) return tl::make_unexpected(run.error());
+  run->realtime = reading->pace == Pace::realtime;
+  return run_tracker(*recording->source, *tracker, *run);
 }
 
 }  // namespace

@@ -7,6 +7,7 @@
 #include <chrono>
 #include <cstdio>
 #include <cstring>
+#include <iterator>
 #include <memory>
 #include <utility>
 #include <vector>
@@ -15,7 +16,7 @@
 #include "live_status.hpp"
 #include "progress.hpp"
 #include "tubetrack/report/overlay.hpp"
-#include "tubetrack/report/result_json.hpp"
+#include "tubetrack/report/scan_json.hpp"
 #include "tubetrack/report/summary.hpp"
 #include "view.hpp"
 
@@ -74,6 +75,7 @@ struct Run {
   LiveStatus status;
   View* view;  ///< none without --view
   RunSummary summary;
+  std::vector<NominalComparison> nominal = {};  ///< of each nominal tube, in the last frame that shows it
   bool radius_checked = false;
   bool lost = false;            ///< and not back yet
   std::int64_t highest_id = 0;  ///< of all tubes so far
@@ -114,6 +116,21 @@ void number_tubes(Run& run, TubeFrame& result) {
   }
 }
 
+/// Tubes that are seen now against the nominal ones.
+std::vector<NominalComparison> compare(Run& run, const TubeFrame& result) {
+  if (run.options.nominal.tubes.empty()) return {};
+  std::vector<Tube> seen;
+  std::ranges::copy_if(result.tubes, std::back_inserter(seen),
+                       [](const Tube& tube) { return tube.state == TubeState::tracked; });
+  std::vector<NominalComparison> compared = compare_with_nominal(run.options.nominal.tubes, seen);
+  run.nominal.resize(compared.size());
+  for (std::size_t i = 0; i < compared.size(); ++i) {
+    const bool first = run.nominal[i].points.empty();
+    if (first || compared[i].problem.empty()) run.nominal[i] = compared[i];
+  }
+  return compared;
+}
+
 Expected<void> handle(Run& run, const QueuedFrame& item) {
   const StreamInfo& info = run.source.info();
   if (item.outcome == FrameOutcome::ok && !std::exchange(run.radius_checked, true)) {
@@ -126,7 +143,10 @@ Expected<void> handle(Run& run, const QueuedFrame& item) {
   number_tubes(run, result);
   result.dropped = run.feed.dropped();
   add_frame(run.summary, result);
-  if (auto written = run.writer.write(result_line(result, run.options.with_timing)); !written) return written;
+  const std::vector<NominalComparison> compared = compare(run, result);
+  const std::string line =
+      line_with_findings(result, run.options.with_timing, {{}, compared, run.options.nominal.tolerance_m});
+  if (auto written = run.writer.write(line); !written) return written;
   if (item.outcome == FrameOutcome::ok) run.status.add(item.frame, run.summary);
   if (!run.options.overlay_dir.empty() && item.frame.pixels != nullptr) {
     const auto path = run.options.overlay_dir / fmt::format("{:06}.png", result.frame);
@@ -259,8 +279,11 @@ int run_tracker(FrameSource& source, TubeTracker& tracker, const RunOptions& opt
   run.progress.clear();
   run.summary.live.device_dropped = run.feed.dropped_by_source();
   if (!options.quiet && run.summary.frames > 0) fmt::print(stderr, "{}", summary_text(run.summary));
+  if (!options.quiet) print_nominal(run.nominal);
   if (!ended) return report_error(ended.error());
-  return exit_code_of(run);
+  if (const int code = exit_code_of(run); code != 0) return code;
+  const auto judged = judge_nominal(source.info().name, run.nominal, options.nominal.tolerance_m);
+  return judged ? 0 : report_error(judged.error());
 }
 
 }  // namespace tubetrack

@@ -6,6 +6,7 @@
 #include <string>
 
 #include "interrupts.hpp"
+#include "nominal_check.hpp"
 #include "tubetrack/sensors/frame_source.hpp"
 #include "tubetrack/tracker/tube_tracker.hpp"
 
@@ -23,6 +24,7 @@ struct RunOptions {
   int interrupted_exit_code = 130;    ///< after Ctrl-C; a live run, which has no other end, sets 0
   bool survive_loss = false;          ///< a lost device is waited for: the source opens it again (reconnect.hpp)
   double status_every_s = 0.0;        ///< live: a line about the run on stderr so often; 0: none
+  NominalCheck nominal;               ///< tubes are judged against, in every frame and, for people, at the end
   double smallest_radius_m = 0.0;     ///< refused where it is larger than the first frame's median depth
   /// Sees every good frame before it is tracked, on the capturing thread; an error ends the run. May be empty.
   std::function<Expected<void>(const DepthFrame&)> on_frame;
@@ -32,8 +34,8 @@ struct RunOptions {
 };
 
 /// Tracks until the stream ends, the device is lost (unless that is survived) or Ctrl-C; writes one line a frame, each
-/// flushed whole. Returns the exit code: 0 done; 1 lost, unwritable, all frames bad, or one bad with `strict`; 2 radius
-/// larger than the scene.
+/// flushed whole. Returns the exit code: 0 done; 1 lost, unwritable, all frames bad, one bad with `strict`, or a
+/// nominal tube out of its tolerance in the last frame that shows it; 2 radius larger than the scene.
 int run_tracker(FrameSource& source, TubeTracker& tracker, const RunOptions& options);
 
 /// The result of one frame: the tracker's where the frame is good, else a line with its status and why. `outcome` is ok

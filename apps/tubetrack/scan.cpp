@@ -6,12 +6,12 @@
 #include <utility>
 
 #include "commands.hpp"
+#include "nominal_check.hpp"
 #include "run.hpp"
 #include "scan_flags.hpp"
 #include "scan_outputs.hpp"
 #include "scan_result.hpp"
 #include "tubetrack/replay/scan_surfels.hpp"
-#include "tubetrack/report/nominal.hpp"
 #include "tubetrack/report/scan_json.hpp"
 #include "tubetrack/tracker/joints.hpp"
 #include "tubetrack/tracker/scan_tubes.hpp"
@@ -89,41 +89,6 @@ Expected<void> write_line(const std::string& line, const std::string& path) {
   return {};
 }
 
-/// How the tubes compare with the nominal ones, point by point.
-void print_nominal(std::span<const NominalComparison> comparisons) {
-  for (const NominalComparison& comparison : comparisons) {
-    if (!comparison.problem.empty()) {
-      fmt::print(stderr, "nominal tube {}: {}\n", comparison.nominal, comparison.problem);
-      continue;
-    }
-    fmt::print(stderr, "nominal tube {} on tube {}{}: RMS {:.3f} mm, sheath at most {:.3f} mm\n", comparison.nominal,
-               comparison.tube, comparison.reversed ? " (from its other end)" : "", 1e3 * comparison.rms_m,
-               1e3 * comparison.max_sheath_m);
-    fmt::print(stderr, "  {:>5}  {:<11}  {:>12}  {:>9}\n", "point", "", "deviation mm", "sheath mm");
-    for (const NominalPoint& point : comparison.points) {
-      fmt::print(stderr, "  {:>5}  {:<11}  {:>12.3f}  {:>9.3f}\n", point.point, nominal_point_name(point.at),
-                 1e3 * point.deviation_m, 1e3 * point.sheath_m);
-    }
-  }
-}
-
-/// An error where a nominal tube is not within the tolerance.
-Expected<void> judge(const std::string& file, std::span<const NominalComparison> comparisons,
-                     std::optional<double> tolerance_m) {
-  if (!tolerance_m) return {};
-  for (const NominalComparison& comparison : comparisons) {
-    if (comparison.within(*tolerance_m)) continue;
-    return tl::make_unexpected(Error::failed(
-        comparison.problem.empty()
-            ? fmt::format("{}: nominal tube {} is out of tolerance: deviates by {:.3f} mm, sheath by {:.3f} mm; "
-                          "--tolerance {:g} mm",
-                          file, comparison.nominal, 1e3 * comparison.max_deviation_m, 1e3 * comparison.max_sheath_m,
-                          1e3 * *tolerance_m)
-            : fmt::format("{}: nominal tube {} can't be compared: {}", file, comparison.nominal, comparison.problem)));
-  }
-  return {};
-}
-
 Expected<void> run_scan(const ScanFlags& flags) {
   const auto options = scan_options_from(flags);
   if (!options) return tl::make_unexpected(options.error());
@@ -134,9 +99,9 @@ Expected<void> run_scan(const ScanFlags& flags) {
   const auto asked_step_m = grid_step_from(flags);
   if (!asked_step_m) return tl::make_unexpected(asked_step_m.error());
   const std::optional<double> step_m = *asked_step_m;
-  if (auto checked = check_scan_outputs(flags.outputs, flags.out, flags.file, flags.nominal); !checked) return checked;
-  std::optional<double> tolerance_m;
-  const auto nominal = nominal_from(flags, tolerance_m);
+  if (auto checked = check_scan_outputs(flags.outputs, flags.out, flags.file, flags.nominal.nominal); !checked)
+    return checked;
+  const auto nominal = nominal_check_from(flags.nominal, flags.out);
   if (!nominal) return tl::make_unexpected(nominal.error());
   const auto begin = std::chrono::steady_clock::now();
   Scan scan;
@@ -160,8 +125,8 @@ Expected<void> run_scan(const ScanFlags& flags) {
     return tl::make_unexpected(found.error());
   }
   const std::vector<TubeJoint> joints = joints_of(frame.tubes);
-  const std::vector<NominalComparison> compared = compare_with_nominal(*nominal, frame.tubes);
-  const std::string line = scan_result_line(frame, !flags.no_timing, {joints, compared, tolerance_m});
+  const std::vector<NominalComparison> compared = compare_with_nominal(nominal->tubes, frame.tubes);
+  const std::string line = line_with_findings(frame, !flags.no_timing, {joints, compared, nominal->tolerance_m});
   if (auto written = write_line(line, flags.out); !written) return written;
   if (frame.tubes.empty()) {
     return tl::make_unexpected(Error::failed(
@@ -180,7 +145,7 @@ Expected<void> run_scan(const ScanFlags& flags) {
   }
   if (auto written = write_scan_outputs(flags.outputs, scan, surfels, frame.tubes); !written) return written;
   if (!flags.quiet) print_nominal(compared);
-  return judge(flags.file, compared, tolerance_m);
+  return judge_nominal(flags.file, compared, nominal->tolerance_m);
 }
 
 }  // namespace

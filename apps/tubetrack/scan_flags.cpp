@@ -46,10 +46,7 @@ void add_scan_flags(CLI::App& command, ScanFlags& flags) {
   option("--height-scale", flags.height_scale, "metres per count of a height map", "S");
   option("--normals", flags.normals,
          "voxels, height maps: smooth (if left out) or vcm, the Voronoi covariance measure of the paper", "smooth|vcm");
-  option("--nominal", flags.nominal,
-         "what a bent tube should be: XYZ points as --xyz writes them; prints the deviations", "FILE.csv");
-  option("--tolerance", flags.tolerance, "with --nominal: in millimetres; the exit code is 1 where a tube is out of it",
-         "MM");
+  add_nominal_flags(command, flags.nominal);
   option("--out", flags.out, "write the result here instead of to stdout", "FILE");
   add_scan_output_flags(command, flags.outputs);
   command.add_flag("--no-timing", flags.no_timing, "leave times out of the result: equal scans give equal bytes");
@@ -105,15 +102,6 @@ Expected<GridNormals> normals_from(const ScanFlags& flags) {
   if (flags.normals.empty() || flags.normals == "smooth") return GridNormals::smoothed;
   if (flags.normals == "vcm") return GridNormals::voronoi;
   return malformed("--normals", flags.normals, "smooth or vcm");
-}
-
-Expected<std::vector<NominalTube>> nominal_from(const ScanFlags& flags, std::optional<double>& tolerance_m) {
-  if (auto read = read_length("--tolerance", flags.tolerance, "millimetres, above 0, like 0.5", tolerance_m); !read)
-    return tl::make_unexpected(read.error());
-  if (tolerance_m) *tolerance_m *= 1e-3;
-  if (!flags.nominal.empty()) return read_nominal_csv(flags.nominal);
-  if (tolerance_m) return tl::make_unexpected(Error::usage("--tolerance: give --nominal FILE.csv as well"));
-  return std::vector<NominalTube>();
 }
 
 Expected<void> check_flags_fit(const ScanFlags& flags, ScanKind kind) {

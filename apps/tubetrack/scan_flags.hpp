@@ -6,9 +6,9 @@
 #include <string_view>
 #include <vector>
 
+#include "nominal_check.hpp"
 #include "scan_outputs.hpp"
 #include "tubetrack/replay/scan_surfels.hpp"
-#include "tubetrack/report/nominal.hpp"
 #include "tubetrack/tracker/scan_tubes.hpp"
 
 namespace tubetrack {
@@ -17,7 +17,8 @@ namespace tubetrack {
 struct ScanFlags {
   std::string file;
   std::string unit, grid_step, radius, radius_range, label, threshold, cell_size, height_scale;
-  std::string normals, out, nominal, tolerance;
+  std::string normals, out;
+  NominalFlags nominal;
   ScanOutputs outputs;
   bool no_timing = false, quiet = false;
 };
@@ -30,8 +31,6 @@ Expected<ScanOptions> scan_options_from(const ScanFlags& flags);
 Expected<void> apply_radius(const ScanFlags& flags, ScanTubesConfig& config);
 Expected<std::optional<double>> grid_step_from(const ScanFlags& flags);
 Expected<GridNormals> normals_from(const ScanFlags& flags);
-/// --nominal and --tolerance, in metres.
-Expected<std::vector<NominalTube>> nominal_from(const ScanFlags& flags, std::optional<double>& tolerance_m);
 
 /// An error where a flag was given that says nothing about this kind of scan.
 Expected<void> check_flags_fit(const ScanFlags& flags, ScanKind kind);

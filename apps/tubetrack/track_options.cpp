@@ -138,6 +138,7 @@ void add_tracker_flags(CLI::App& command, TrackOptions& options) {
 }
 
 void add_output_flags(CLI::App& command, TrackOptions& options) {
+  add_nominal_flags(command, options.nominal);
   command.add_option("--out", options.out, "write the JSON lines here instead of to stdout")->type_name("FILE.jsonl");
   command.add_option("--overlay", options.overlay, "also write a picture a frame into this folder")->type_name("DIR");
   command.add_flag(
@@ -200,8 +201,11 @@ Expected<TubeTracker> create_tracker(const TrackerConfig& config, const Intrinsi
                   config.roi_v_px, config.roi_width_px, config.roi_height_px, intrinsics.width, intrinsics.height)));
 }
 
-RunOptions run_options_from(const TrackOptions& options, const TrackerConfig& config) {
+Expected<RunOptions> run_options_from(const TrackOptions& options, const TrackerConfig& config) {
   RunOptions run;
+  auto nominal = nominal_check_from(options.nominal, options.out);
+  if (!nominal) return tl::make_unexpected(nominal.error());
+  run.nominal = std::move(*nominal);
   run.out = options.out;
   run.overlay_dir = options.overlay;
   run.view = options.view;

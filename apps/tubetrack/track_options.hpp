@@ -3,6 +3,7 @@
 #include <CLI/CLI.hpp>
 #include <string>
 
+#include "nominal_check.hpp"
 #include "run.hpp"
 #include "tubetrack/replay/recording.hpp"
 #include "tubetrack/tracker/tracker_config.hpp"
@@ -14,6 +15,7 @@ namespace tubetrack {
 struct TrackOptions {
   std::string radius, radius_range, config, threads, map, noise, depth_range, roi, deadline_ms;
   std::string out, overlay;
+  NominalFlags nominal;
   bool varying_radius = false, view = false, no_timing = false, strict = false, quiet = false, print_config = false;
 };
 
@@ -21,7 +23,7 @@ struct TrackOptions {
 /// --depth-range, --roi,
 /// --print-config.
 void add_tracker_flags(CLI::App& command, TrackOptions& options);
-/// Flags about what comes out: --out, --overlay, --view, --no-timing, --strict, --quiet.
+/// Flags about what comes out: --nominal, --tolerance, --out, --overlay, --view, --no-timing, --strict, --quiet.
 void add_output_flags(CLI::App& command, TrackOptions& options);
 
 /// Defaults, then --config, then the flags; validated. Errors are of kind usage and name the flag.
@@ -33,8 +35,9 @@ Expected<TrackerConfig> config_for_recording(const TrackOptions& options, const 
 Expected<NoiseModel> noise_model_from(const std::string& flag);
 /// A tracker for this camera; besides what the tracker checks, the region of interest must lie in the image.
 Expected<TubeTracker> create_tracker(const TrackerConfig& config, const Intrinsics& intrinsics);
-/// The output flags, and the smallest radius for the check against the scene.
-RunOptions run_options_from(const TrackOptions& options, const TrackerConfig& config);
+/// The output flags, and the smallest radius for the check against the scene. The error is of a nominal file or its
+/// tolerance.
+Expected<RunOptions> run_options_from(const TrackOptions& options, const TrackerConfig& config);
 
 /// Flags about how a recording is read: --frames, --pace, --intrinsics, --depth-scale.
 struct RecordingFlags {

@@ -106,12 +106,12 @@ Expected<ScanResult> parse_scan_line(std::string_view line) {
       if (nominal.contains("tolerance_m")) result.tolerance_m = nominal.at("tolerance_m").get<double>();
     }
   } catch (const std::exception& problem) {
-    return tl::make_unexpected(Error::failed(std::string("not a scan's line of tubetrack: ") + problem.what()));
+    return tl::make_unexpected(Error::failed(std::string("not a result of tubetrack: ") + problem.what()));
   }
   return result;
 }
 
-std::string scan_result_line(const TubeFrame& frame, bool with_timing, const ScanFindings& findings) {
+std::string line_with_findings(const TubeFrame& frame, bool with_timing, const Findings& findings) {
   Json more = Json::object();
   for (const TubeJoint& joint : findings.joints) more["joints"].push_back(joint_json(joint));
   for (const NominalComparison& comparison : findings.nominal)

@@ -3,12 +3,15 @@
 #include <chrono>
 #include <cmath>
 #include <csignal>
+#include <fstream>
 #include <thread>
 
 #include "apps/program.hpp"
 #include "replay/recording_files.hpp"
 #include "report/schema_check.hpp"
 #include "tubetrack/report/result_json.hpp"
+#include "tubetrack/report/scan_json.hpp"
+#include "tubetrack/report/tube_tables.hpp"
 
 namespace tubetrack {
 namespace {
@@ -83,6 +86,37 @@ TEST_F(Replay, PlaneMapAndAScanOfItsHeightMapGiveTheSameTubes) {
     for (std::size_t k = 0; k < whole->tubes[i].centerline_m.size(); ++k)
       EXPECT_LT((whole->tubes[i].centerline_m[k] - again->tubes[i].centerline_m[k]).norm(), 3e-6);
   }
+}
+
+TEST_F(Replay, TubesAreJudgedAgainstNominalOnesInEveryFrameAndAtTheEnd) {
+  ASSERT_EQ(run({"synth", "bent", recording_.path().string(), "--frames", "6"}).exit_code, 0);
+  const ProgramEnd plain = replay({"--no-timing"});
+  const auto last = parse_result_line(plain.out_lines().at(5));
+  ASSERT_TRUE(last);
+  ASSERT_THAT(last->tubes, SizeIs(1));
+  const std::string as_it_is = (output_ / "is.csv").string(), moved = (output_ / "moved.csv").string();
+  std::ofstream(as_it_is) << xyz_csv(last->tubes);
+  std::vector<Tube> off = last->tubes;
+  off[0].bend_table.xyz_m.at(1).x() += 0.005;
+  std::ofstream(moved) << xyz_csv(off);
+
+  const ProgramEnd good = replay({"--nominal", as_it_is, "--tolerance", "0.1", "--no-timing"});
+  EXPECT_EQ(good.exit_code, 0) << good.err;
+  ASSERT_THAT(good.out_lines(), SizeIs(6));
+  EXPECT_EQ(schema_complaints(good.out_lines(), output_.path()), "");
+  const auto line = parse_scan_line(good.out_lines()[5]);
+  ASSERT_TRUE(line && line->nominal.size() == 1U);
+  EXPECT_LT(line->nominal[0].max_deviation_m, 1e-5);
+  EXPECT_THAT(good.err, HasSubstr("nominal tube 1 on tube 1: RMS 0.00"));
+  const auto refuse = [&](std::vector<std::string> flags, int exit_code, const std::vector<std::string>& words) {
+    flags.insert(flags.end(), {"--quiet", "--tolerance", "0.5"});
+    expect_refused(replay(flags), exit_code, words);
+  };
+  const std::string out = (output_ / "x.jsonl").string();
+  refuse({"--nominal", moved, "--out", out}, 1, {"nominal tube 1 is out of tolerance", "--tolerance 0.5 mm"});
+  refuse({"--nominal", moved, "--out", out, "--map", "plane"}, 1, {"nominal tube 1 is out of tolerance"});
+  refuse({}, 2, {"--tolerance", "--nominal FILE.csv"});
+  refuse({"--nominal", moved, "--out", moved}, 2, {"--out", "is the --nominal file"});
 }
 
 TEST_F(Replay, PlaneMapOfFramesWithoutAPlaneSaysSo) {

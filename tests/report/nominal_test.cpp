@@ -127,8 +127,8 @@ TEST(ScanLine, JointsAndNominalTubesKeepToTheSchema) {
   TubeFrame frame;
   frame.frame_id = "scan";
   const auto compared = one_good_and_one_not();
-  const std::vector<std::string> lines{scan_result_line(frame, false, {kJoints, compared, 0.0005}),
-                                       scan_result_line(frame, false, {{}, compared, std::nullopt})};
+  const std::vector<std::string> lines{line_with_findings(frame, false, {kJoints, compared, 0.0005}),
+                                       line_with_findings(frame, false, {{}, compared, std::nullopt})};
   EXPECT_EQ(test::schema_complaints(lines, folder.path()), "");
   EXPECT_THAT(lines[0],
               HasSubstr(R"("joints":[{"position_m":[0.1,0.2,0.3],"tubes":[{"id":7,"at":"end","along_m":0.52},)"
@@ -141,14 +141,14 @@ TEST(ScanLine, IsReadBackWithItsJointsAndNominalTubes) {
   TubeFrame frame;
   frame.frame_id = "scan";
   const auto compared = one_good_and_one_not();
-  for (const std::string& line : {scan_result_line(frame, false, {kJoints, compared, 0.0005}),
-                                  scan_result_line(frame, false, {{}, compared, std::nullopt}),
-                                  scan_result_line(frame, false, {kJoints, {}, std::nullopt})}) {
+  for (const std::string& line : {line_with_findings(frame, false, {kJoints, compared, 0.0005}),
+                                  line_with_findings(frame, false, {{}, compared, std::nullopt}),
+                                  line_with_findings(frame, false, {kJoints, {}, std::nullopt})}) {
     const auto read = parse_scan_line(line);
     ASSERT_TRUE(read) << read.error().message;
-    EXPECT_EQ(scan_result_line(read->frame, false, {read->joints, read->nominal, read->tolerance_m}), line);
+    EXPECT_EQ(line_with_findings(read->frame, false, {read->joints, read->nominal, read->tolerance_m}), line);
   }
-  std::string wrong = scan_result_line(frame, false, {kJoints, {}, std::nullopt});
+  std::string wrong = line_with_findings(frame, false, {kJoints, {}, std::nullopt});
   wrong.replace(wrong.find("flank"), 5, "shore");
   const auto read = parse_scan_line(wrong);
   ASSERT_FALSE(read);

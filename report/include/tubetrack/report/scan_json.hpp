@@ -13,15 +13,15 @@
 
 namespace tubetrack {
 
-/// What is known of a scan's tubes beside them.
-struct ScanFindings {
+/// What is known of tubes beside them.
+struct Findings {
   std::span<const TubeJoint> joints;
   std::span<const NominalComparison> nominal;
   std::optional<double> tolerance_m;  ///< of the nominal tubes, which pass or don't
 };
 
-/// A scan's line: result_line with the keys `joints` and `nominal` where there are any.
-std::string scan_result_line(const TubeFrame& frame, bool with_timing, const ScanFindings& findings);
+/// The result's line: result_line with the keys `joints` and `nominal` where there are any.
+std::string line_with_findings(const TubeFrame& frame, bool with_timing, const Findings& findings);
 
 /// The inverse, to what the line holds.
 struct ScanResult {
