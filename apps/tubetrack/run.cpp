@@ -280,6 +280,8 @@ int run_tracker(FrameSource& source, TubeTracker& tracker, const RunOptions& opt
   run.summary.live.device_dropped = run.feed.dropped_by_source();
   if (!options.quiet && run.summary.frames > 0) fmt::print(stderr, "{}", summary_text(run.summary));
   if (!options.quiet) print_nominal(run.nominal);
+  if (!options.quiet && run.summary.frames > 0 && run.summary.frames_with_tubes == 0)
+    fmt::print(stderr, "note: {}\n", options.hint_without_tubes);
   if (!ended) return report_error(ended.error());
   if (const int code = exit_code_of(run); code != 0) return code;
   const auto judged = judge_nominal(source.info().name, run.nominal, options.nominal.tolerance_m);

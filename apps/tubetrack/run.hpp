@@ -24,6 +24,7 @@ struct RunOptions {
   int interrupted_exit_code = 130;    ///< after Ctrl-C; a live run, which has no other end, sets 0
   bool survive_loss = false;          ///< a lost device is waited for: the source opens it again (reconnect.hpp)
   double status_every_s = 0.0;        ///< live: a line about the run on stderr so often; 0: none
+  std::string hint_without_tubes;     ///< on stderr where no frame had a tube
   NominalCheck nominal;               ///< tubes are judged against, in every frame and, for people, at the end
   double smallest_radius_m = 0.0;     ///< refused where it is larger than the first frame's median depth
   /// Sees every good frame before it is tracked, on the capturing thread; an error ends the run. May be empty.

@@ -16,6 +16,18 @@ namespace tubetrack {
 
 namespace {
 
+std::string hint_without_tubes(const TrackerConfig& config) {
+  if (config.radius_m) {
+    return fmt::format("no tube of radius {:g} m was found; leave --radius out to see which there are",
+                       *config.radius_m);
+  }
+  return fmt::format(
+      "no tube of radius {:g} to {:g} m was found; one is at least 8 pixels wide and {:g} radii long, and seen over "
+      "90° "
+      "of its section",
+      config.radius_min_m, config.radius_max_m, config.min_length_radii);
+}
+
 Expected<void> apply_radius(const TrackOptions& options, TrackerConfig& config) {
   constexpr std::string_view kRadiusForm = "the tube's radius in metres, above 0, like 0.02";
   constexpr std::string_view kRangeForm = "MIN:MAX in metres, 0 < MIN < MAX, like 0.01:0.05";
@@ -206,6 +218,7 @@ Expected<RunOptions> run_options_from(const TrackOptions& options, const Tracker
   auto nominal = nominal_check_from(options.nominal, options.out);
   if (!nominal) return tl::make_unexpected(nominal.error());
   run.nominal = std::move(*nominal);
+  run.hint_without_tubes = hint_without_tubes(config);
   run.out = options.out;
   run.overlay_dir = options.overlay;
   run.view = options.view;

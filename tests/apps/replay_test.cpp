@@ -124,6 +124,12 @@ TEST_F(Replay, PlaneMapOfFramesWithoutAPlaneSaysSo) {
   expect_refused(replay({"--map", "plane"}), 1, {"--map plane", "no plane"});
 }
 
+TEST_F(Replay, ARunWithoutTubesSaysWhatToTry) {
+  make_recording();
+  EXPECT_THAT(replay().err, HasSubstr("no tube of radius 0.005 to 0.1 m was found"));
+  EXPECT_THAT(replay({"--radius", "0.02"}).err, HasSubstr("leave --radius out"));
+}
+
 TEST_F(Replay, QuietSaysNothing) {
   make_recording();
   EXPECT_EQ(replay({"--quiet"}).err, "");
