@@ -1,12 +1,15 @@
 #pragma once
 
-#include <CLI/CLI.hpp>
 #include <optional>
 #include <span>
 #include <string>
 #include <vector>
 
 #include "tubetrack/report/nominal.hpp"
+
+namespace CLI {
+class App;
+}
 
 namespace tubetrack {
 
