@@ -37,7 +37,7 @@ std::vector<Surfel> cylinder(int count) {
 TEST(ScanGrid, EverySurfelIsInOneCellAndEveryCellInOneBucket) {
   const std::vector<Surfel> surfels = cylinder(5000);
   std::vector<std::uint32_t> merged_into;
-  const SurfelGrid grid = merged_by_cell(surfels, {}, {}, 0.3 * kRadius_m, merged_into);
+  const SurfelGrid grid = merged_by_cell(surfels, {}, 0.3 * kRadius_m, merged_into);
   ASSERT_EQ(merged_into.size(), surfels.size());
   for (std::size_t i = 0; i < surfels.size(); ++i) {
     ASSERT_LT(merged_into[i], grid.surfels.size());
@@ -59,14 +59,14 @@ TEST(ScanGrid, WhatIsLeftOutIsInNoCell) {
   std::vector<char> left_out(surfels.size(), 0);
   for (std::size_t i = 0; i < left_out.size(); i += 2) left_out[i] = 1;
   std::vector<std::uint32_t> merged_into;
-  merged_by_cell(surfels, {}, left_out, 0.3 * kRadius_m, merged_into);
+  merged_by_cell(surfels, left_out, 0.3 * kRadius_m, merged_into);
   for (std::size_t i = 0; i < surfels.size(); ++i) EXPECT_EQ(merged_into[i] == kNotMerged, left_out[i] != 0);
 }
 
 TEST(ScanGrid, BucketsInABoxAreAllThatHaveTheirCentreInIt) {
   const std::vector<Surfel> surfels = cylinder(20000);
   std::vector<std::uint32_t> merged_into, numbers;
-  const SurfelGrid grid = merged_by_cell(surfels, {}, {}, 0.05 * kRadius_m, merged_into);
+  const SurfelGrid grid = merged_by_cell(surfels, {}, 0.05 * kRadius_m, merged_into);
   for (const double from_m : {-0.1, 0.0, 0.07, 0.19, 0.3}) {
     const Eigen::AlignedBox3d box(Eigen::Vector3d(from_m, 0.0, -0.02), Eigen::Vector3d(from_m + 0.02, 0.004, 0.02));
     grid.buckets_in(box, numbers);
@@ -81,7 +81,7 @@ TEST(ScanGrid, BucketsInABoxAreAllThatHaveTheirCentreInIt) {
 TEST(ScanGrid, MeansOfCellsKnowHowFarTheCurvedSurfaceStandsOutOverThem) {
   const std::vector<Surfel> surfels = cylinder(40000);
   std::vector<std::uint32_t> merged_into;
-  const SurfelGrid grid = merged_by_cell(surfels, {}, {}, 0.4 * kRadius_m, merged_into);
+  const SurfelGrid grid = merged_by_cell(surfels, {}, 0.4 * kRadius_m, merged_into);
   const ScanLine line = scan_line_along({{-0.05, 0.0, 0.0}, {0.25, 0.0, 0.0}}, kRadius_m, false);
   double means_m = 0.0, surface_m = 0.0, worst_m = 0.0;
   const std::vector<SurfacePoint> points = points_near(grid, {}, line);

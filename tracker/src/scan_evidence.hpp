@@ -35,7 +35,7 @@ struct ScanEvidence {
 };
 
 /// `spacing_m`: how far apart the surfels are; `scale_m`: how much they err.
-ScanEvidence look_at(std::span<const Surfel> surfels, const std::vector<SurfacePoint>& points, const ScanLine& line,
+ScanEvidence look_at(std::span<const CellSurfel> surfels, const std::vector<SurfacePoint>& points, const ScanLine& line,
                      double spacing_m, double scale_m, double min_arc_rad);
 
 /// The ends of the seen stretch once more, by all surfels of the scan near them: the mean of a cell does not tell where

@@ -57,12 +57,13 @@ struct Observed {
   Observation at(std::uint32_t i) const {
     constexpr double kTuning = 3.0;  // a residual of 3 σ counts a quarter
     const SurfacePoint& point = points[i];
-    const Surfel& surfel = grid.surfels[point.surfel];
-    const double far = (point.distance_m - radius_m) / (kTuning * scale_m);
+    const CellSurfel& surfel = grid.surfels[point.surfel];
+    const double far = (static_cast<double>(point.distance_m) - radius_m) / (kTuning * scale_m);
     const double area = std::max(1e-3, per_area * static_cast<double>(surfel.weight));
     // The weight is 1/σ²: the robust one is (1 + far²)⁻².
     const double sigma_m = scale_m * (1.0 + far * far) / std::sqrt(area);
-    return {surfel.position_m.cast<double>() - point.lift_m * point.inward, point.inward, sigma_m, point.t};
+    return {surfel.position_m.cast<double>() - (point.lift_m * point.inward).cast<double>(),
+            point.inward.cast<double>(), sigma_m, point.t};
   }
 };
 
@@ -74,7 +75,7 @@ Observed observed_of(const SurfelGrid& grid, const std::vector<SurfacePoint>& po
   // area. Those of less than a grid step's square share their points with their neighbours.
   double sum_area = 0.0;
   for (const SurfacePoint& point : points) {
-    residuals_m.push_back(std::abs(point.distance_m - radius_m));
+    residuals_m.push_back(std::abs(static_cast<double>(point.distance_m) - radius_m));
     sum_area += grid.surfels[point.surfel].weight;
   }
   const auto count = static_cast<double>(points.size());

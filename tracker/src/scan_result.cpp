@@ -20,8 +20,12 @@ const FitWindow& window_at(const ScanFit& fit, double t) {
 double radius_near(const ScanEvidence& evidence, double t, double otherwise_m) {
   constexpr double kNearSpans = 2.0 / kKnotSpacingRadii;
   double sum = 0.0, weights = 0.0;
-  for (const ScanStation& station : evidence.stations) {
-    if (!station.seen || std::abs(station.t - t) > kNearSpans) continue;
+  const auto before = [](const ScanStation& station, double at) { return station.t < at; };
+  const auto& stations = evidence.stations;
+  for (auto at = std::lower_bound(stations.begin(), stations.end(), t - kNearSpans, before);
+       at != stations.end() && at->t <= t + kNearSpans; ++at) {
+    const ScanStation& station = *at;
+    if (!station.seen) continue;
     sum += station.agree * station.radius_m;
     weights += station.agree;
   }

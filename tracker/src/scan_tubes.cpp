@@ -20,6 +20,9 @@ constexpr int kMinVotes = 6 * kVotesPerCell;
 constexpr int kMaxFailures = 64;  // of the seeds of one octave
 // Cells of the surfels that a tube is grown on and fitted to at last, of its radius.
 constexpr double kGrowCellRadii = 0.45, kFitCellRadii = 0.3;
+// Cells of the surfels that vote, at most so large a part of the smallest radius that is looked for, and of their map,
+// as a part of those: votes come together finer than they start.
+constexpr double kVoteCellRadii = 0.6, kMapCells = 0.75;
 constexpr double kKnownBand = 0.15;    // votes go so far to either side of a known radius
 constexpr double kBelongsRadii = 0.3;  // what is so near to a tube's surface is no other's
 
@@ -29,7 +32,7 @@ std::vector<std::uint32_t> take(const ScanSurface& surface, const ScanTube& tube
   const double radius_m = tube.line.model.radius_m;
   const double belongs_m = std::max(kBelongsRadii * radius_m, surface.spacing_m);
   for (const SurfacePoint& point : points_near(surface.grid, taken, tube.line)) {
-    if (std::abs(point.distance_m - radius_m) > belongs_m || taken[point.surfel] != 0) continue;
+    if (std::abs(static_cast<double>(point.distance_m) - radius_m) > belongs_m || taken[point.surfel] != 0) continue;
     taken[point.surfel] = 1;
     set.push_back(point.surfel);
   }
@@ -84,22 +87,33 @@ std::optional<ScanTube> tube_at(const AccumulationMap& votes, const VoxelIndex& 
   return tube;
 }
 
+/// The level whose surfels vote: normals as smooth as the radii allow, and few; the octave's own where coarser cells
+/// would hold little more than one surfel of the scan.
+std::size_t voting_level(const Octave& octave, std::size_t own, const ScanLevels& levels) {
+  constexpr double kLeastSteps = 1.6;
+  const std::size_t coarse = level_to_fit(octave.radius_min_m, kVoteCellRadii, own, levels);
+  return levels.all[coarse].grid.cell_m < kLeastSteps * levels.grid_step_m ? own : coarse;
+}
+
 /// What looks like a tube of an octave's radii: from the best peak on, each of surfels that no earlier one has.
 /// `certain` has a level's flags of tubes that are beyond doubt, for all up to the octave's, and gets those of more.
 void search_octave(const Octave& octave, const ScanLevels& levels, const ScanTubesConfig& config,
                    std::vector<std::vector<char>>& certain, std::vector<ScanTube>& candidates, StageTimes& times) {
   Stopwatch watch;
-  AccumulationMap votes(octave.cell_m);
   const std::size_t own = certain.size() - 1;
-  const ScanLevel& level = levels.all[own];
+  const std::size_t voting = voting_level(octave, own, levels);
+  const ScanLevel& level = levels.all[voting];
+  Octave coarse = octave;
+  coarse.cell_m = voting == own ? level.grid.cell_m : kMapCells * level.grid.cell_m;
+  AccumulationMap votes(coarse.cell_m);
   std::vector<std::vector<char>> taken = certain;
   const std::vector<char> flat = flat_surfels(level.grid);
   std::vector<VoteRecord> records(level.grid.surfels.size());
   for (std::size_t i = 0; i < records.size(); ++i) {
     // Votes that are not cast are not withdrawn either.
     records[i].weight = 0;
-    if (taken[own][i] != 0 || flat[i] != 0) continue;
-    records[i] = weighted_record(level.grid.surfels[i], octave, config.grid_step_m);
+    if (taken[voting][i] != 0 || flat[i] != 0) continue;
+    records[i] = weighted_record(level.grid.surfels[i], coarse, config.grid_step_m);
     votes.add(records[i]);
   }
   watch.lap(times.accumulate_ms);
@@ -114,10 +128,10 @@ void search_octave(const Octave& octave, const ScanLevels& levels, const ScanTub
     auto tube = tube_at(votes, peak, octave, own, levels, taken, config, line_m);
     if (tube) {
       const bool surely = is_certain(tube->evidence);
-      for (std::size_t at = tube->level; at <= own; ++at) {
+      for (std::size_t at = std::min(tube->level, voting); at <= own; ++at) {
         for (const std::uint32_t index : take(surface_of(levels.all[at], taken[at]), *tube, taken[at])) {
           if (surely) certain[at][index] = 1;
-          if (at == own) votes.withdraw(records[index]);
+          if (at == voting) votes.withdraw(records[index]);
         }
       }
       candidates.push_back(std::move(*tube));

@@ -23,7 +23,7 @@ std::vector<Octave> octaves_of(double radius_min_m, double radius_max_m, double 
 
 /// A surfel's vote, weighted by the area it stands for: quarters of a cell's face, at least one. With the paper's face
 /// areas (end of its section 2.3) irregular meshes vote as evenly as regular ones.
-VoteRecord weighted_record(const Surfel& surfel, const Octave& octave, double grid_step_m);
+VoteRecord weighted_record(const CellSurfel& surfel, const Octave& octave, double grid_step_m);
 inline constexpr int kVotesPerCell = 4;
 
 /// Where a tube may be: traced from a peak.
