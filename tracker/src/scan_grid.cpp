@@ -34,15 +34,16 @@ Cell cell_of(const Eigen::Vector3f& position_m, double per_cell) {
   return cell;
 }
 
-/// By key, equal ones in the order that they came in: counted out, eleven bits at a time. With std::sort two of the
+/// By key, equal ones in the order that they came in: counted out, some dozen bits at a time. With std::sort two of the
 /// scans of docs/paper.md miss their time. `spare` is for what is sorted in between.
 void sort_by_key(int bits, std::vector<CellMember>& members, std::vector<CellMember>& spare) {
-  constexpr int kDigit = 11;
+  constexpr int kMostDigit = 13;
+  const int rounds = (bits + kMostDigit - 1) / kMostDigit, digit_bits = (bits + rounds - 1) / rounds;
   spare.resize(members.size());
-  for (int shift = 0; shift < bits; shift += kDigit) {
-    std::array<std::uint32_t, (1 << kDigit) + 1> next{};
-    const auto digit = [shift](const CellMember& member) {
-      return static_cast<std::size_t>(member.key >> shift) & ((1 << kDigit) - 1);
+  for (int shift = 0; shift < bits; shift += digit_bits) {
+    std::array<std::uint32_t, (1 << kMostDigit) + 1> next{};
+    const auto digit = [=](const CellMember& member) {
+      return static_cast<std::size_t>(member.key >> shift) & ((std::size_t{1} << digit_bits) - 1);
     };
     for (const CellMember& member : members) ++next[digit(member) + 1];
     for (std::size_t i = 1; i < next.size(); ++i) next[i] += next[i - 1];

@@ -37,7 +37,7 @@ class NodeGrid {
   void nodes_near(const Eigen::Vector3d& point_m, std::vector<std::uint32_t>& near) {
     near.clear();
     if (!box_.contains(point_m)) return;
-    if (const std::uint64_t cell = packed_cell(point_m, cell_m_); cell != last_cell_) gather(point_m, cell);
+    if (const std::uint64_t cell = packed_cell(point_m, cell_m_); cell != last_cell_) gather(cell);
     for (const std::uint32_t node : around_) {
       if ((nodes_m_[node] - point_m).squaredNorm() < cell_m_ * cell_m_) near.push_back(node);
     }
@@ -46,17 +46,17 @@ class NodeGrid {
   const Eigen::Vector3d& node_m(std::uint32_t node) const { return nodes_m_[node]; }
 
  private:
-  /// The nodes of the cell and of those around it, three in a row at a time.
-  void gather(const Eigen::Vector3d& point_m, std::uint64_t cell) {
+  /// The nodes of the cell and of those around it, three in a row at a time. At the outermost cells, a million away,
+  /// some of those are elsewhere; what is too far is left out in any case.
+  void gather(std::uint64_t cell) {
     last_cell_ = cell;
     around_.clear();
     for (int row = 0; row < 9; ++row) {
-      const Eigen::Vector3d middle_m = point_m + cell_m_ * Eigen::Vector3i(0, row % 3 - 1, row / 3 - 1).cast<double>();
-      const std::uint64_t key = packed_cell(middle_m, cell_m_);
+      const std::uint64_t key = cell + (static_cast<std::uint64_t>(row % 3) << 21) - (std::uint64_t{1} << 21) +
+                                (static_cast<std::uint64_t>(row / 3) << 42) - (std::uint64_t{1} << 42);
       auto at = std::lower_bound(sorted_.begin(), sorted_.end(), std::pair(key - 1, std::uint32_t{0}));
       for (; at != sorted_.end() && at->first <= key + 1; ++at) around_.push_back(at->second);
     }
-    std::sort(around_.begin(), around_.end());
   }
 
   double cell_m_;
@@ -81,6 +81,7 @@ class PlacedPoints {
     batch_.node[count_] = static_cast<std::int32_t>(node);
     if (++count_ == PlaceBatch::kSize) place();
   }
+  void expect(std::size_t most) { points_.reserve(most); }
   std::vector<SurfacePoint> take() {
     place();
     return std::move(points_);
@@ -133,6 +134,9 @@ std::vector<SurfacePoint> points_near(const SurfelGrid& grid, std::span<const ch
   std::vector<std::uint32_t> near, numbers;
   std::vector<std::array<float, 3>> near_m;
   grid.buckets_in(nodes.box(), numbers);
+  std::size_t most = 0;
+  for (const std::uint32_t number : numbers) most += grid.buckets[number].end - grid.buckets[number].begin;
+  placed.expect(most / every);
   for (const std::uint32_t number : numbers) {
     const SurfelBucket& bucket = grid.buckets[number];
     nodes.nodes_near(bucket.center_m, near);
