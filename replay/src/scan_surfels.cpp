@@ -64,7 +64,7 @@ std::vector<Eigen::Vector3d> normals_at_points(const Scan& scan) {
 /// fiftieth of a grid step where its radius is six of them, and a bend of flat faces inside its circle.
 struct Face {
   Triangle corners;
-  Eigen::Vector3d normal;                  ///< outward, unit
+  Eigen::Vector3d normal;  ///< outward, unit
   double twice_area = 0.0;
   std::array<Eigen::Vector3d, 3> normals;  ///< at the corners; zero at an edge of the body, which is not round
 

@@ -5,6 +5,7 @@
 #include <span>
 #include <vector>
 
+#include "band_solver.hpp"
 #include "scan_grid.hpp"
 #include "tubetrack/tracker/fit.hpp"
 
@@ -47,7 +48,7 @@ struct FitWindow {
   double t_begin = 0.0;  ///< the stretch that it speaks for, in spans of the whole line
   double t_end = 0.0;
   Spline spline;
-  Eigen::MatrixXd covariance;
+  BandMatrix covariance;
 };
 
 struct ScanFit {
