@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 
 #include <APIHeaderSection_MakeHeader.hxx>
-#include <BRepAdaptor_Surface.hxx>
 #include <BRepBuilderAPI_MakeEdge.hxx>
 #include <BRepBuilderAPI_MakeFace.hxx>
 #include <BRepBuilderAPI_MakeSolid.hxx>
@@ -18,6 +17,7 @@
 #include <GProp_GProps.hxx>
 #include <GeomAPI_Interpolate.hxx>
 #include <Geom_BSplineCurve.hxx>
+#include <Geom_BSplineSurface.hxx>
 #include <Interface_Static.hxx>
 #include <Message.hxx>
 #include <Message_Messenger.hxx>
@@ -25,9 +25,13 @@
 #include <Standard_Failure.hxx>
 #include <StepBasic_Product.hxx>
 #include <StepData_StepModel.hxx>
+#include <TColStd_Array1OfInteger.hxx>
+#include <TColStd_Array1OfReal.hxx>
+#include <TColStd_Array2OfReal.hxx>
+#include <TColStd_HArray1OfReal.hxx>
+#include <TColgp_Array2OfPnt.hxx>
 #include <TColgp_HArray1OfPnt.hxx>
 #include <TCollection_HAsciiString.hxx>
-#include <TopExp_Explorer.hxx>
 #include <TopoDS.hxx>
 #include <TopoDS_Edge.hxx>
 #include <TopoDS_Face.hxx>
@@ -42,7 +46,6 @@
 #include <gp_Circ.hxx>
 #include <gp_Dir.hxx>
 #include <gp_Pnt.hxx>
-#include <gp_Vec.hxx>
 #include <numbers>
 #include <optional>
 
@@ -98,25 +101,129 @@ TopoDS_Shape torus_of(const PartChain& ring, double radius_mm) {
       .Shape();
 }
 
-TopoDS_Shape swept(const opencascade::handle<Geom_BSplineCurve>& curve, double from, double to, double radius_mm) {
-  gp_Pnt start;
-  gp_Vec along;
-  curve->D1(from, start, along);
-  const TopoDS_Wire spine = BRepBuilderAPI_MakeWire(BRepBuilderAPI_MakeEdge(curve, from, to).Edge()).Wire();
-  return BRepOffsetAPI_MakePipe(spine, disc(start, along, radius_mm), GeomFill_IsCorrectedFrenet).Shape();
+/// A tube's section at a node: its centre, two axes across the line, and how thick it is there.
+struct StepSection {
+  Eigen::Vector3d center_mm, e1 = Eigen::Vector3d::UnitX(), e2 = Eigen::Vector3d::UnitY();
+  double radius_mm = 0.0;
+};
+
+/// Sections at the nodes, turned as little as they can be from one to the next; around a closed line, whose first node
+/// is not there again, by as much more as it takes to end as they began.
+std::vector<StepSection> sections_of(const Tube& tube) {
+  std::vector<StepSection> sections;
+  for (std::size_t i = 0; i < tube.centerline_m.size(); ++i) {
+    const Eigen::Vector3d center_mm = kMillimetres * tube.centerline_m[i];
+    if (!sections.empty() && (center_mm - sections.back().center_mm).norm() <= kNothing_mm) continue;
+    const double radius_m = tube.node_radius_m.empty() ? tube.radius_m : tube.node_radius_m[i];
+    StepSection section{center_mm};
+    section.radius_mm = kMillimetres * radius_m;
+    sections.push_back(section);
+  }
+  if (tube.closed && sections.size() > 1) sections.pop_back();
+  const auto count = static_cast<std::ptrdiff_t>(sections.size());
+  if (count < 3) return sections;
+  const auto center = [&](std::ptrdiff_t i) {
+    return sections[static_cast<std::size_t>((i + count) % count)].center_mm;
+  };
+  const auto along = [&](std::ptrdiff_t i) -> Eigen::Vector3d {
+    // Off an end the parabola through three nodes.
+    if (!tube.closed && i == 0) return (4.0 * center(1) - 3.0 * center(0) - center(2)).normalized();
+    if (!tube.closed && i + 1 == count) return (3.0 * center(i) - 4.0 * center(i - 1) + center(i - 2)).normalized();
+    return (center(i + 1) - center(i - 1)).normalized();
+  };
+  Eigen::Vector3d e1 = along(0).unitOrthogonal();
+  const auto carry_on = [&](std::ptrdiff_t i) {
+    const Eigen::Vector3d axis = along(i);
+    e1 = (e1 - e1.dot(axis) * axis).normalized();
+    return axis;
+  };
+  for (std::ptrdiff_t i = 0; i < count; ++i) {
+    const Eigen::Vector3d axis = carry_on(i);
+    sections[static_cast<std::size_t>(i)].e1 = e1;
+    sections[static_cast<std::size_t>(i)].e2 = axis.cross(e1);
+  }
+  if (!tube.closed) return sections;
+  carry_on(0);
+  const double turned_rad = std::atan2(e1.dot(sections[0].e2), e1.dot(sections[0].e1));
+  for (std::size_t i = 0; i < sections.size(); ++i) {
+    const double by_rad = -turned_rad * static_cast<double>(i) / static_cast<double>(count);
+    const Eigen::Vector3d first = sections[i].e1, second = sections[i].e2;
+    sections[i].e1 = std::cos(by_rad) * first + std::sin(by_rad) * second;
+    sections[i].e2 = std::cos(by_rad) * second - std::sin(by_rad) * first;
+  }
+  return sections;
 }
 
-/// Swept in one piece a closed line's surface does not meet itself again: the section comes back turned. So two halves
-/// are swept, and their sides sewn together.
-TopoDS_Shape closed_sweep(const opencascade::handle<Geom_BSplineCurve>& curve, double radius_mm) {
-  constexpr double kSewn_mm = 1e-4;
-  const double first = curve->FirstParameter(), last = curve->LastParameter();
-  const double middle = 0.5 * (first + last);
-  BRepBuilderAPI_Sewing sewing(kSewn_mm);
-  for (const TopoDS_Shape& half : {swept(curve, first, middle, radius_mm), swept(curve, middle, last, radius_mm)}) {
-    for (TopExp_Explorer face(half, TopAbs_FACE); face.More(); face.Next()) {
-      if (BRepAdaptor_Surface(TopoDS::Face(face.Current())).GetType() != GeomAbs_Plane) sewing.Add(face.Current());
+/// Corners of a circle as quarters of a rational curve of second degree: on it at every other one.
+constexpr int kCorners = 9;
+
+gp_Pnt corner_mm(const StepSection& section, int corner) {
+  const double angle_rad = 0.25 * std::numbers::pi * corner;
+  const double out_mm = section.radius_mm * (corner % 2 == 0 ? 1.0 : std::numbers::sqrt2);
+  const Eigen::Vector3d p_mm =
+      section.center_mm + out_mm * (std::cos(angle_rad) * section.e1 + std::sin(angle_rad) * section.e2);
+  return {p_mm.x(), p_mm.y(), p_mm.z()};
+}
+
+/// The surface through the sections, each a true circle: the corners of all, interpolated along the line. A sweep by
+/// OpenCASCADE does not get around every closed line, and has one radius.
+opencascade::handle<Geom_BSplineSurface> surface_through(const std::vector<StepSection>& sections, bool closed) {
+  const auto count = static_cast<int>(sections.size());
+  const opencascade::handle<TColStd_HArray1OfReal> along = new TColStd_HArray1OfReal(1, closed ? count + 1 : count);
+  for (int i = 1; i <= along->Length(); ++i) {
+    const StepSection& now = sections[static_cast<std::size_t>((i - 1) % count)];
+    const double way_mm = i == 1 ? 0.0 : (now.center_mm - sections[static_cast<std::size_t>(i - 2)].center_mm).norm();
+    along->SetValue(i, i == 1 ? 0.0 : along->Value(i - 1) + way_mm);
+  }
+  std::vector<opencascade::handle<Geom_BSplineCurve>> lines;
+  for (int corner = 0; corner < kCorners; ++corner) {
+    const opencascade::handle<TColgp_HArray1OfPnt> points = new TColgp_HArray1OfPnt(1, count);
+    for (int i = 0; i < count; ++i) points->SetValue(i + 1, corner_mm(sections[static_cast<std::size_t>(i)], corner));
+    GeomAPI_Interpolate line(points, along, closed, 0.1 * kNothing_mm);
+    line.Perform();
+    lines.push_back(line.Curve());
+  }
+  const Geom_BSplineCurve& first = *lines.front();
+  TColgp_Array2OfPnt poles(1, kCorners, 1, first.NbPoles());
+  TColStd_Array2OfReal weights(1, kCorners, 1, first.NbPoles());
+  for (int corner = 1; corner <= kCorners; ++corner) {
+    for (int i = 1; i <= first.NbPoles(); ++i) {
+      poles.SetValue(corner, i, lines[static_cast<std::size_t>(corner) - 1]->Pole(i));
+      weights.SetValue(corner, i, corner % 2 == 1 ? 1.0 : 0.5 * std::numbers::sqrt2);
     }
+  }
+  TColStd_Array1OfReal around(1, 5);
+  TColStd_Array1OfInteger times_around(1, 5);
+  for (int i = 1; i <= 5; ++i) {
+    around.SetValue(i, i - 1.0);
+    times_around.SetValue(i, i == 1 || i == 5 ? 3 : 2);
+  }
+  return new Geom_BSplineSurface(poles, weights, around, first.Knots(), times_around, first.Multiplicities(), 2,
+                                 first.Degree(), false, closed);
+}
+
+TopoDS_Face cap(const StepSection& section) {
+  const gp_Pnt center(section.center_mm.x(), section.center_mm.y(), section.center_mm.z());
+  const gp_Ax2 axes(center, direction(section.e1.cross(section.e2)), direction(section.e1));
+  const TopoDS_Edge circle = BRepBuilderAPI_MakeEdge(gp_Circ(axes, section.radius_mm)).Edge();
+  return BRepBuilderAPI_MakeFace(BRepBuilderAPI_MakeWire(circle).Wire()).Face();
+}
+
+/// Two halves of its length, a closed one's sewn together at both ends, an open one's with caps there.
+TopoDS_Shape solid_of_nodes(const Tube& tube) {
+  constexpr double kSewn_mm = 1e-4;
+  const std::vector<StepSection> sections = sections_of(tube);
+  if (sections.size() < 3) return {};
+  const opencascade::handle<Geom_BSplineSurface> surface = surface_through(sections, tube.closed);
+  double u1 = 0.0, u2 = 0.0, begin = 0.0, end = 0.0;
+  surface->Bounds(u1, u2, begin, end);
+  const double middle = 0.5 * (begin + end);
+  BRepBuilderAPI_Sewing sewing(kSewn_mm);
+  sewing.Add(BRepBuilderAPI_MakeFace(surface, u1, u2, begin, middle, kNothing_mm).Face());
+  sewing.Add(BRepBuilderAPI_MakeFace(surface, u1, u2, middle, end, kNothing_mm).Face());
+  if (!tube.closed) {
+    sewing.Add(cap(sections.front()));
+    sewing.Add(cap(sections.back()));
   }
   sewing.Perform();
   TopoDS_Solid solid = BRepBuilderAPI_MakeSolid(TopoDS::Shell(sewing.SewedShape())).Solid();
@@ -124,32 +231,27 @@ TopoDS_Shape closed_sweep(const opencascade::handle<Geom_BSplineCurve>& curve, d
   return solid;
 }
 
-TopoDS_Shape solid_of_nodes(const Tube& tube) {
-  std::vector<gp_Pnt> nodes;
-  for (const Eigen::Vector3d& p_m : tube.centerline_m) {
-    const gp_Pnt p = point_mm(p_m);
-    if (nodes.empty() || p.Distance(nodes.back()) > kNothing_mm) nodes.push_back(p);
+/// Of circles whose centres go along the line: area times way (Pappus).
+double volume_mm3(const Tube& tube) {
+  double sum_mm3 = 0.0;
+  for (std::size_t i = 1; i < tube.centerline_m.size(); ++i) {
+    double squared_m2 = tube.radius_m * tube.radius_m;
+    if (!tube.node_radius_m.empty()) {
+      const double a_m = tube.node_radius_m[i - 1], b_m = tube.node_radius_m[i];
+      squared_m2 = (a_m * a_m + a_m * b_m + b_m * b_m) / 3.0;
+    }
+    sum_mm3 += squared_m2 * (tube.centerline_m[i] - tube.centerline_m[i - 1]).norm();
   }
-  if (tube.closed && nodes.size() > 1) nodes.pop_back();
-  const opencascade::handle<TColgp_HArray1OfPnt> points = new TColgp_HArray1OfPnt(1, static_cast<int>(nodes.size()));
-  for (std::size_t i = 0; i < nodes.size(); ++i) points->SetValue(static_cast<int>(i) + 1, nodes[i]);
-  GeomAPI_Interpolate spline(points, tube.closed, kNothing_mm);
-  spline.Perform();
-  const opencascade::handle<Geom_BSplineCurve> curve = spline.Curve();
-  const double radius_mm = kMillimetres * tube.radius_m;
-  if (tube.closed) return closed_sweep(curve, radius_mm);
-  return swept(curve, curve->FirstParameter(), curve->LastParameter(), radius_mm);
+  return std::numbers::pi * kMillimetres * kMillimetres * kMillimetres * sum_mm3;
 }
 
-/// Closed, and as large as a swept circle: its area times the way of its centre (Pappus).
-bool is_sound(const TopoDS_Shape& shape, const Tube& tube) {
+/// Closed, and as large as it should be.
+bool is_sound(const TopoDS_Shape& shape, double expected_mm3) {
   constexpr double kSameVolume = 0.01;
   if (shape.IsNull() || shape.ShapeType() != TopAbs_SOLID || !BRepCheck_Analyzer(shape).IsValid()) return false;
   GProp_GProps properties;
   BRepGProp::VolumeProperties(shape, properties);
-  const double radius_mm = kMillimetres * tube.radius_m;
-  const double expected = std::numbers::pi * radius_mm * radius_mm * kMillimetres * tube.length_m;
-  return std::abs(properties.Mass() - expected) <= kSameVolume * expected;
+  return std::abs(properties.Mass() - expected_mm3) <= kSameVolume * expected_mm3;
 }
 
 /// A bend is tighter than the tube is thick: its surface would pass through itself, which OpenCASCADE does not see.
@@ -180,17 +282,18 @@ std::optional<TopoDS_Shape> solid_of(const Tube& tube, std::string& note) {
     return std::nullopt;
   }
   try {
-    TopoDS_Shape shape;
-    if (ring) {
-      shape = torus_of(*chain, radius_mm);
-    } else if (chain && !tube.closed) {
-      shape = solid_of_chain(*chain, radius_mm);
-    } else {
-      shape = solid_of_nodes(tube);
-      note = fmt::format("tube {}: not all straight and toric: swept along a spline, {:.3f} mm thick throughout",
-                         tube.id, 2.0 * radius_mm);
-    }
-    if (is_sound(shape, tube)) return shape;
+    // A chain that is not as long as the line is not the tube: one called straight may bend.
+    const double expected_mm3 = volume_mm3(tube);
+    const bool of_parts = ring || (chain && !tube.closed && tube.node_radius_m.empty());
+    const TopoDS_Shape parts = !of_parts ? TopoDS_Shape()
+                               : ring    ? torus_of(*chain, radius_mm)
+                                         : solid_of_chain(*chain, radius_mm);
+    if (is_sound(parts, expected_mm3)) return parts;
+    const TopoDS_Shape shape = solid_of_nodes(tube);
+    note = fmt::format("tube {}: not all straight and toric: a spline surface through its nodes' sections, {}", tube.id,
+                       tube.node_radius_m.empty() ? fmt::format("{:.3f} mm thick throughout", 2.0 * radius_mm)
+                                                  : "as thick as they are");
+    if (is_sound(shape, expected_mm3)) return shape;
     note = fmt::format("tube {}: is left out: its section, swept along it, makes no valid solid", tube.id);
   } catch (const Standard_Failure& failure) {
     note = fmt::format("tube {}: is left out: OpenCASCADE makes no solid of it ({})", tube.id,

@@ -1,6 +1,7 @@
 #include "band_solver.hpp"
 
 #include <algorithm>
+#include <array>
 
 #include "tubetrack/tracker/recycled.hpp"
 
@@ -23,13 +24,6 @@ Index BandMatrix::first_in(Index row) const {
 
 Index BandMatrix::end_in(Index col) const {
   return std::min(rows_ - 1, col - col % 3 + 12);
-}
-
-void BandMatrix::add(std::size_t point, std::size_t to, const Eigen::Matrix3d& block) {
-  for (Index i = 0; i < 3; ++i) {
-    double* const own = row(static_cast<Index>(3 * point) + i) + 3 * to;
-    for (Index j = 0; j < 3; ++j) own[j] += block(i, j);
-  }
 }
 
 Eigen::Matrix3d BandMatrix::block(std::size_t point, std::size_t to) const {
@@ -88,11 +82,15 @@ BandMatrix BandSolver::inverse_band() const {
   const Index last = size - 1;
   BandMatrix inverse(size);
   inverse.row(last)[last] = 1.0 / diagonal_[last];
+  std::array<double, 12> factors{};  // of the column, below it
   for (Index col = last - 1; col >= 0; --col) {
     const Index end = lower_.end_in(col);
+    for (Index other = col + 1; other < end; ++other)
+      factors[static_cast<std::size_t>(other - col)] = lower_.row(other)[col];
     const auto entry = [&](Index row) {
       double sum = -lower_.row(last)[col] * inverse.at(last, row);
-      for (Index other = col + 1; other < end; ++other) sum -= lower_.row(other)[col] * inverse.at(other, row);
+      for (Index other = col + 1; other < end; ++other)
+        sum -= factors[static_cast<std::size_t>(other - col)] * inverse.at(other, row);
       inverse.row(row)[col] = sum;
       return lower_.row(row)[col] * sum;
     };

@@ -26,7 +26,12 @@ class BandMatrix {
   double at(Eigen::Index a, Eigen::Index b) const { return a >= b ? row(a)[b] : row(b)[a]; }
 
   /// Adds what ties a control point to itself or an earlier one: its three rows, the other's three columns.
-  void add(std::size_t point, std::size_t to, const Eigen::Matrix3d& block);
+  void add(std::size_t point, std::size_t to, const Eigen::Matrix3d& block) {
+    for (Eigen::Index i = 0; i < 3; ++i) {
+      double* const own = row(static_cast<Eigen::Index>(3 * point) + i) + 3 * to;
+      for (Eigen::Index j = 0; j < 3; ++j) own[j] += block(i, j);
+    }
+  }
   Eigen::Matrix3d block(std::size_t point, std::size_t to) const;
   BandMatrix& operator*=(double factor);
 

@@ -301,6 +301,12 @@ void look_at_ends(std::span<const Surfel> surfels, const ScanLine& line, double 
               evidence);
 }
 
+bool is_certain(const ScanEvidence& evidence) {
+  constexpr double kAgree = 0.9, kScatterRadii = 0.02, kScatterSpacings = 0.4;
+  return evidence.support > kAgree &&
+         evidence.scale_radii < std::max(kScatterRadii, kScatterSpacings * evidence.spacing_radii);
+}
+
 std::optional<std::string> why_no_scan_tube(const ScanEvidence& evidence, double radius_m,
                                             const ScanTubesConfig& config) {
   constexpr double kLeastSupport = 0.6, kMostTaper = 0.08;

@@ -43,6 +43,10 @@ ScanEvidence look_at(std::span<const CellSurfel> surfels, const std::vector<Surf
 void look_at_ends(std::span<const Surfel> surfels, const ScanLine& line, double spacing_m, double scale_m,
                   ScanEvidence& evidence);
 
+/// Beyond doubt: nearly all that is near agrees, and closely. The surfels of such a tube are not looked at again for
+/// other radii.
+bool is_certain(const ScanEvidence& evidence);
+
 /// DESIGN section 2, "A tube": long, round and enough of it seen. The reason when it is none.
 std::optional<std::string> why_no_scan_tube(const ScanEvidence& evidence, double radius_m,
                                             const ScanTubesConfig& config);

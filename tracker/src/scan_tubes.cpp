@@ -49,13 +49,6 @@ bool radius_in_range(double radius_m, const ScanTubesConfig& config) {
   return config.radius_m || (radius_m >= config.radius_min_m && radius_m <= config.radius_max_m);
 }
 
-/// Beyond doubt: nearly all that is near agrees, and closely. Its surfels are not looked at again for other radii.
-bool is_certain(const ScanEvidence& evidence) {
-  constexpr double kAgree = 0.9, kScatterRadii = 0.02, kScatterSpacings = 0.4;
-  return evidence.support > kAgree &&
-         evidence.scale_radii < std::max(kScatterRadii, kScatterSpacings * evidence.spacing_radii);
-}
-
 ScanSurface surface_of(const ScanLevel& level, std::span<const char> taken) {
   return {level.grid, taken, level.spacing_m};
 }
@@ -72,14 +65,14 @@ std::optional<ScanTube> tube_at(const AccumulationMap& votes, const VoxelIndex& 
   // Most peaks of other radii are told by a short piece.
   line_m = seed->line_m;
   const std::size_t of_seed = level_to_fit(seed->radius_m, kGrowCellRadii, finest, levels);
-  const double radius_m = radius_at_seed(surface_of(levels.all[of_seed], taken[of_seed]), *seed, octave, config);
-  if (!(radius_m > 0.0)) return std::nullopt;
-  seed = seed_at(votes, peak, octave, kMostSteps);
-  if (!seed) return std::nullopt;
-  seed->radius_m = radius_m;
-  line_m = seed->line_m;
-  const std::size_t level = level_to_fit(radius_m, kGrowCellRadii, finest, levels);
-  auto tube = grow_scan_tube(surface_of(levels.all[level], taken[level]), *seed, config);
+  if (!fit_seed(surface_of(levels.all[of_seed], taken[of_seed]), octave, config, *seed)) return std::nullopt;
+  auto whole = seed_at(votes, peak, octave, kMostSteps);
+  if (!whole) return std::nullopt;
+  whole->radius_m = seed->radius_m;
+  whole->certain = seed->certain;
+  line_m = whole->line_m;
+  const std::size_t level = level_to_fit(whole->radius_m, kGrowCellRadii, finest, levels);
+  auto tube = grow_scan_tube(surface_of(levels.all[level], taken[level]), *whole, config);
   if (!tube || !radius_in_range(tube->line.model.radius_m, config) ||
       !is_of_octave(tube->line.model.radius_m, octave, config))
     return std::nullopt;

@@ -30,7 +30,8 @@ inline constexpr int kVotesPerCell = 4;
 struct ScanSeed {
   std::vector<Eigen::Vector3d> line_m;  ///< at least 2 points
   double radius_m = 0.0;
-  bool closed = false;  ///< the last point is next to the first
+  bool closed = false;   ///< the last point is next to the first
+  bool certain = false;  ///< the surface around it is seen from all sides, and is round beyond doubt
 };
 
 /// Traces from a peak (paper, algorithm 2), so many steps both ways, or once around where the line comes back to its
