@@ -98,7 +98,8 @@ Face face_of(const Scan& scan, const std::array<std::uint32_t, 3>& corners,
 }
 
 /// A surfel of a face's piece.
-void add_piece(const Face& face, const Triangle& piece, Surfel surfel, double step_area, std::vector<Surfel>& surfels) {
+void add_piece(const Face& face, const Triangle& piece, ScanSurfel surfel, double step_area,
+               std::vector<ScanSurfel>& surfels) {
   const double area = 0.5 * (piece[1] - piece[0]).cross(piece[2] - piece[0]).norm();
   const Eigen::Vector3d middle_m = (piece[0] + piece[1] + piece[2]) / 3.0;
   surfel.position_m = (middle_m + face.stands_out_m(middle_m) * face.normal).cast<float>();
@@ -107,7 +108,7 @@ void add_piece(const Face& face, const Triangle& piece, Surfel surfel, double st
 }
 
 /// The surfel of a face that need not be cut: all corners share alike in its middle.
-void add_whole(const Face& face, Surfel surfel, double step_area, std::vector<Surfel>& surfels) {
+void add_whole(const Face& face, ScanSurfel surfel, double step_area, std::vector<ScanSurfel>& surfels) {
   const auto& [a, b, c] = face.corners;
   const Eigen::Vector3d middle_m = (a + b + c) / 3.0;
   double out_m = 0.0;
@@ -118,8 +119,8 @@ void add_whole(const Face& face, Surfel surfel, double step_area, std::vector<Su
 }
 
 /// Cuts across the longest edge until no piece has one above the limit. `pieces` is for what is left to cut.
-void add_pieces(const Face& face, double limit_m, const Surfel& surfel, double step_area, std::vector<Triangle>& pieces,
-                std::vector<Surfel>& surfels) {
+void add_pieces(const Face& face, double limit_m, const ScanSurfel& surfel, double step_area,
+                std::vector<Triangle>& pieces, std::vector<ScanSurfel>& surfels) {
   double squared = 0.0;
   longest_edge(face.corners, squared);
   if (squared <= limit_m * limit_m) return add_whole(face, surfel, step_area, surfels);
@@ -139,7 +140,7 @@ void add_pieces(const Face& face, double limit_m, const Surfel& surfel, double s
   }
 }
 
-void add_mesh(const Scan& scan, const Surfel& pattern, std::size_t max_count, std::vector<Surfel>& surfels) {
+void add_mesh(const Scan& scan, std::size_t max_count, std::vector<ScanSurfel>& surfels) {
   const double limit_m = piece_limit_m(scan, max_count);
   const double step_area = scan.grid_step_m * scan.grid_step_m;
   const std::vector<Eigen::Vector3d> normals = normals_at_points(scan);
@@ -147,56 +148,49 @@ void add_mesh(const Scan& scan, const Surfel& pattern, std::size_t max_count, st
   surfels.reserve(scan.faces.size());
   for (std::size_t i = 0; i < scan.faces.size(); ++i) {
     const Face face = face_of(scan, scan.faces[i], normals);
-    Surfel surfel = pattern;
+    ScanSurfel surfel;
     // Paper, section 3: the cross product of face edges.
     surfel.inward_normal = -face.normal.cast<float>();
-    surfel.cell = static_cast<std::uint32_t>(i);
     add_pieces(face, limit_m, surfel, step_area, pieces, surfels);
   }
 }
 
-void add_cloud(const Scan& scan, const Surfel& pattern, std::vector<Surfel>& surfels) {
+void add_cloud(const Scan& scan, std::vector<ScanSurfel>& surfels) {
   surfels.reserve(scan.points_m.size());
   for (std::size_t i = 0; i < scan.points_m.size(); ++i) {
-    Surfel surfel = pattern;
+    ScanSurfel surfel;
     surfel.position_m = scan.points_m[i].cast<float>();
     surfel.inward_normal = -scan.normals[i];
-    surfel.cell = static_cast<std::uint32_t>(i);
     surfels.push_back(surfel);
   }
 }
 
 }  // namespace
 
-std::vector<Surfel> surfels_of(const Scan& scan, const ScanSurfelOptions& options) {
-  constexpr double kUniformSigma = 0.288675;  // of a position rounded to 1: 1/√12
-  Surfel pattern;
-  pattern.sigma_m = static_cast<float>(kUniformSigma * scan.grid_step_m);
-  pattern.radius_min_m = static_cast<float>(options.radius_min_m);
-  pattern.radius_max_m = static_cast<float>(options.radius_max_m);
+std::vector<ScanSurfel> surfels_of(const Scan& scan, const ScanSurfelOptions& options) {
   const double steps = scan.kind == ScanKind::voxels ? 4.0 : 3.0;
   const double radius_m = options.normal_radius_m > 0.0 ? options.normal_radius_m : steps * scan.grid_step_m;
-  std::vector<Surfel> surfels;
+  std::vector<ScanSurfel> surfels;
   switch (scan.kind) {
     case ScanKind::mesh:
-      add_mesh(scan, pattern, options.max_count, surfels);
+      add_mesh(scan, options.max_count, surfels);
       break;
     case ScanKind::cloud:
-      add_cloud(scan, pattern, surfels);
+      add_cloud(scan, surfels);
       break;
     case ScanKind::voxels:
-      add_voxel_surfels(scan.voxels, pattern, {options.normals, radius_m}, surfels);
+      add_voxel_surfels(scan.voxels, {options.normals, radius_m}, surfels);
       break;
     case ScanKind::height_map:
-      add_height_surfels(scan.heights, pattern, {options.normals, radius_m}, surfels);
+      add_height_surfels(scan.heights, {options.normals, radius_m}, surfels);
       break;
   }
   return surfels;
 }
 
-RadiusRange default_radius_range(const Scan& scan, std::span<const Surfel> surfels) {
+RadiusRange default_radius_range(const Scan& scan, std::span<const ScanSurfel> surfels) {
   Eigen::AlignedBox3f box;
-  for (const Surfel& surfel : surfels) box.extend(surfel.position_m);
+  for (const ScanSurfel& surfel : surfels) box.extend(surfel.position_m);
   RadiusRange range;
   range.min_m = (scan.kind == ScanKind::cloud ? 1.5 : 2.0) * scan.grid_step_m;
   if (scan.kind == ScanKind::mesh) {

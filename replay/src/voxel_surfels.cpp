@@ -225,8 +225,7 @@ std::vector<Eigen::Vector3f> voronoi_normals_of(const std::vector<BoundaryFace>&
 
 }  // namespace
 
-void add_voxel_surfels(const VoxelGrid& grid, const Surfel& pattern, const NormalWindow& window,
-                       std::vector<Surfel>& surfels) {
+void add_voxel_surfels(const VoxelGrid& grid, const NormalWindow& window, std::vector<ScanSurfel>& surfels) {
   const std::vector<BoundaryFace> faces = boundary_faces(grid);
   if (faces.empty()) return;
   const double step_m = std::cbrt(std::abs(grid.axes_m.determinant()));
@@ -236,12 +235,11 @@ void add_voxel_surfels(const VoxelGrid& grid, const Surfel& pattern, const Norma
   const double step_area = step_m * step_m;
   surfels.reserve(faces.size());
   for (std::size_t i = 0; i < faces.size(); ++i) {
-    Surfel surfel = pattern;
+    ScanSurfel surfel;
     surfel.position_m = faces[i].center_m.cast<float>();
     surfel.inward_normal = -normals[i];
     const double seen = faces[i].outward_area_m2.dot(normals[i].cast<double>()) / step_area;
     surfel.weight = static_cast<float>(std::max(0.0, seen));
-    surfel.cell = static_cast<std::uint32_t>(i);
     surfels.push_back(surfel);
   }
 }

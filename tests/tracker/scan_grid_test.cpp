@@ -19,14 +19,14 @@ namespace {
 constexpr double kRadius_m = 0.01;
 
 /// Points all over a cylinder around the x axis, 0.2 m long.
-std::vector<Surfel> cylinder(int count) {
+std::vector<ScanSurfel> cylinder(int count) {
   std::mt19937 random(7);
   std::uniform_real_distribution<double> unit(0.0, 1.0);
-  std::vector<Surfel> surfels;
+  std::vector<ScanSurfel> surfels;
   for (int i = 0; i < count; ++i) {
     const double angle_rad = 2.0 * std::numbers::pi * unit(random);
     const Eigen::Vector3d outward(0.0, std::cos(angle_rad), std::sin(angle_rad));
-    Surfel surfel;
+    ScanSurfel surfel;
     surfel.position_m = (Eigen::Vector3d(0.2 * unit(random), 0.0, 0.0) + kRadius_m * outward).cast<float>();
     surfel.inward_normal = -outward.cast<float>();
     surfels.push_back(surfel);
@@ -35,7 +35,7 @@ std::vector<Surfel> cylinder(int count) {
 }
 
 TEST(ScanGrid, EverySurfelIsInOneCellAndEveryCellInOneBucket) {
-  const std::vector<Surfel> surfels = cylinder(5000);
+  const std::vector<ScanSurfel> surfels = cylinder(5000);
   std::vector<std::uint32_t> merged_into;
   const SurfelGrid grid = merged_by_cell(surfels, {}, 0.3 * kRadius_m, merged_into);
   ASSERT_EQ(merged_into.size(), surfels.size());
@@ -55,7 +55,7 @@ TEST(ScanGrid, EverySurfelIsInOneCellAndEveryCellInOneBucket) {
 }
 
 TEST(ScanGrid, WhatIsLeftOutIsInNoCell) {
-  const std::vector<Surfel> surfels = cylinder(1000);
+  const std::vector<ScanSurfel> surfels = cylinder(1000);
   std::vector<char> left_out(surfels.size(), 0);
   for (std::size_t i = 0; i < left_out.size(); i += 2) left_out[i] = 1;
   std::vector<std::uint32_t> merged_into;
@@ -64,7 +64,7 @@ TEST(ScanGrid, WhatIsLeftOutIsInNoCell) {
 }
 
 TEST(ScanGrid, BucketsInABoxAreAllThatHaveTheirCentreInIt) {
-  const std::vector<Surfel> surfels = cylinder(20000);
+  const std::vector<ScanSurfel> surfels = cylinder(20000);
   std::vector<std::uint32_t> merged_into, numbers;
   const SurfelGrid grid = merged_by_cell(surfels, {}, 0.05 * kRadius_m, merged_into);
   for (const double from_m : {-0.1, 0.0, 0.07, 0.19, 0.3}) {
@@ -79,7 +79,7 @@ TEST(ScanGrid, BucketsInABoxAreAllThatHaveTheirCentreInIt) {
 }
 
 TEST(ScanGrid, MeansOfCellsKnowHowFarTheCurvedSurfaceStandsOutOverThem) {
-  const std::vector<Surfel> surfels = cylinder(40000);
+  const std::vector<ScanSurfel> surfels = cylinder(40000);
   std::vector<std::uint32_t> merged_into;
   const SurfelGrid grid = merged_by_cell(surfels, {}, 0.4 * kRadius_m, merged_into);
   const ScanLine line = scan_line_along({{-0.05, 0.0, 0.0}, {0.25, 0.0, 0.0}}, kRadius_m, false);

@@ -230,10 +230,10 @@ TEST(ScanTubes, AYIsThreeTubesOrTwoThatMeetAtOneJoint) {
 
 TEST(ScanTubes, WhatIsNoTubeIsNone) {
   // A plate, and a box edge.
-  std::vector<Surfel> surfels;
+  std::vector<ScanSurfel> surfels;
   for (int i = 0; i < 100; ++i) {
     for (int k = 0; k < 100; ++k) {
-      Surfel flat;
+      ScanSurfel flat;
       flat.position_m = {0.001F * static_cast<float>(i), 0.001F * static_cast<float>(k), 0.0F};
       flat.inward_normal = -Eigen::Vector3f::UnitZ();
       surfels.push_back(flat);

@@ -277,7 +277,7 @@ ScanEvidence look_at(std::span<const CellSurfel> surfels, const std::vector<Surf
   return evidence;
 }
 
-void look_at_ends(std::span<const Surfel> surfels, const ScanLine& line, double spacing_m, double scale_m,
+void look_at_ends(std::span<const ScanSurfel> surfels, const ScanLine& line, double spacing_m, double scale_m,
                   ScanEvidence& evidence) {
   const auto [first, last] = best_run(evidence.stations);
   if (first > last) return;
@@ -285,8 +285,8 @@ void look_at_ends(std::span<const Surfel> surfels, const ScanLine& line, double 
   const double reach_m = 4.0 * line.model.radius_m;
   const std::array<Eigen::Vector3d, 2> ends_m{point_at(line.model.spline, evidence.t_begin),
                                               point_at(line.model.spline, evidence.t_end)};
-  std::vector<Surfel> near;
-  for (const Surfel& surfel : surfels) {
+  std::vector<ScanSurfel> near;
+  for (const ScanSurfel& surfel : surfels) {
     const Eigen::Vector3d place_m = surfel.position_m.cast<double>();
     if ((place_m - ends_m[0]).squaredNorm() < reach_m * reach_m ||
         (place_m - ends_m[1]).squaredNorm() < reach_m * reach_m)

@@ -136,7 +136,7 @@ struct SpreadSums {
   }
 };
 
-const SurfelSpread* spread_of(const Surfel& /*surfel*/) {
+const SurfelSpread* spread_of(const ScanSurfel& /*surfel*/) {
   return nullptr;
 }
 
@@ -241,6 +241,12 @@ SurfelGrid merged(std::span<const AnySurfel> surfels, std::span<const char> left
   for (const std::size_t end : shares.ends) {
     for (std::size_t i = begin; i < end; ++i) add_member(shares.surfels[i]);
     add_share();
+    // Growing by doubling would take twice the room of a large grid.
+    if (begin == 0) {
+      constexpr double kMore = 1.1;
+      const double shares_to_come = kMore * static_cast<double>(count) / static_cast<double>(end);
+      grid.surfels.reserve(static_cast<std::size_t>(shares_to_come * static_cast<double>(grid.surfels.size())));
+    }
     begin = end;
   }
   return grid;
@@ -285,7 +291,7 @@ void SurfelGrid::buckets_in(const Eigen::AlignedBox3d& box, std::vector<std::uin
   }
 }
 
-SurfelGrid merged_by_cell(std::span<const Surfel> surfels, std::span<const char> left_out, double cell_m,
+SurfelGrid merged_by_cell(std::span<const ScanSurfel> surfels, std::span<const char> left_out, double cell_m,
                           std::vector<std::uint32_t>& merged_into) {
   return merged(surfels, left_out, cell_m, merged_into);
 }

@@ -50,7 +50,7 @@ inline constexpr std::uint32_t kNotMerged = 0xFFFFFFFF;
 /// needs is taken together, so that the time depends on the surface alone and a normal is as smooth as the radii that
 /// are looked for allow. Opposite walls of a thin plate in one cell cancel out. `left_out`: one flag a surfel, or
 /// empty. `merged_into` gets the place in the grid of each.
-SurfelGrid merged_by_cell(std::span<const Surfel> surfels, std::span<const char> left_out, double cell_m,
+SurfelGrid merged_by_cell(std::span<const ScanSurfel> surfels, std::span<const char> left_out, double cell_m,
                           std::vector<std::uint32_t>& merged_into);
 
 /// The same of a finer grid's.

@@ -18,7 +18,7 @@ std::vector<char> flags_of_finer(const ScanLevel& level, const std::vector<char>
 
 }  // namespace
 
-ScanLevels levels_of(std::span<const Surfel> surfels, const std::vector<Octave>& octaves, double grid_step_m) {
+ScanLevels levels_of(std::span<const ScanSurfel> surfels, const std::vector<Octave>& octaves, double grid_step_m) {
   constexpr double kWholeSteps = 1.1;
   ScanLevels levels{surfels, grid_step_m, {}, 0, std::vector<char>(surfels.size(), 0)};
   std::vector<double> cells_m;

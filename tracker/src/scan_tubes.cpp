@@ -59,7 +59,7 @@ std::optional<ScanTube> tube_at(const AccumulationMap& votes, const VoxelIndex& 
                                 std::size_t finest, const ScanLevels& levels,
                                 const std::vector<std::vector<char>>& taken, const ScanTubesConfig& config,
                                 std::vector<Eigen::Vector3d>& line_m) {
-  constexpr int kFirstSteps = 4, kMostSteps = 20'000;
+  constexpr int kFirstSteps = 4, kMostSteps = 10'000'000;
   auto seed = seed_at(votes, peak, octave, kFirstSteps);
   if (!seed) return std::nullopt;
   // Most peaks of other radii are told by a short piece.
@@ -80,12 +80,23 @@ std::optional<ScanTube> tube_at(const AccumulationMap& votes, const VoxelIndex& 
   return tube;
 }
 
+/// A cell holds more than a surfel of the scan or two.
+bool holds_many(const ScanLevel& level, const ScanLevels& levels) {
+  constexpr double kLeastSteps = 1.6;
+  return level.grid.cell_m >= kLeastSteps * levels.grid_step_m;
+}
+
 /// The level whose surfels vote: normals as smooth as the radii allow, and few; the octave's own where coarser cells
 /// would hold little more than one surfel of the scan.
 std::size_t voting_level(const Octave& octave, std::size_t own, const ScanLevels& levels) {
-  constexpr double kLeastSteps = 1.6;
   const std::size_t coarse = level_to_fit(octave.radius_min_m, kVoteCellRadii, own, levels);
-  return levels.all[coarse].grid.cell_m < kLeastSteps * levels.grid_step_m ? own : coarse;
+  return holds_many(levels.all[coarse], levels) ? coarse : own;
+}
+
+/// Whether an octave can do without a level of its own, which would hold nearly all of the scan again.
+bool is_fine_enough(const ScanLevel& finest, const Octave& octave, const ScanLevels& levels) {
+  constexpr double kFineEnoughRadii = 0.55;  // of the octave's smallest
+  return finest.grid.cell_m <= kFineEnoughRadii * octave.radius_min_m && holds_many(finest, levels);
 }
 
 /// What looks like a tube of an octave's radii: from the best peak on, each of surfels that no earlier one has.
@@ -97,17 +108,19 @@ void search_octave(const Octave& octave, const ScanLevels& levels, const ScanTub
   const std::size_t voting = voting_level(octave, own, levels);
   const ScanLevel& level = levels.all[voting];
   Octave coarse = octave;
-  coarse.cell_m = voting == own ? level.grid.cell_m : kMapCells * level.grid.cell_m;
+  coarse.cell_m = std::max(octave.cell_m, kMapCells * level.grid.cell_m);
   AccumulationMap votes(coarse.cell_m);
   std::vector<std::vector<char>> taken = certain;
   const std::vector<char> flat = flat_surfels(level.grid);
-  std::vector<VoteRecord> records(level.grid.surfels.size());
-  for (std::size_t i = 0; i < records.size(); ++i) {
-    // Votes that are not cast are not withdrawn either.
-    records[i].weight = 0;
+  const auto record_of = [&](std::size_t i) {
+    return weighted_record(level.grid.surfels[i], coarse, config.grid_step_m);
+  };
+  // Votes that are not cast are not withdrawn either.
+  std::vector<char> voted(level.grid.surfels.size(), 0);
+  for (std::size_t i = 0; i < voted.size(); ++i) {
     if (taken[voting][i] != 0 || flat[i] != 0) continue;
-    records[i] = weighted_record(level.grid.surfels[i], coarse, config.grid_step_m);
-    votes.add(records[i]);
+    voted[i] = 1;
+    votes.add(record_of(i));
   }
   watch.lap(times.accumulate_ms);
   const double near_m = std::max(2.0 * octave.cell_m, 0.3 * octave.radius_min_m);
@@ -124,7 +137,7 @@ void search_octave(const Octave& octave, const ScanLevels& levels, const ScanTub
       for (std::size_t at = std::min(tube->level, voting); at <= own; ++at) {
         for (const std::uint32_t index : take(surface_of(levels.all[at], taken[at]), *tube, taken[at])) {
           if (surely) certain[at][index] = 1;
-          if (at == voting) votes.withdraw(records[index]);
+          if (at == voting && voted[index] != 0) votes.withdraw(record_of(index));
         }
       }
       candidates.push_back(std::move(*tube));
@@ -227,7 +240,7 @@ Expected<void> validate(const ScanTubesConfig& config) {
   return {};
 }
 
-TubeFrame find_scan_tubes(std::span<const Surfel> surfels, const ScanTubesConfig& config) {
+TubeFrame find_scan_tubes(std::span<const ScanSurfel> surfels, const ScanTubesConfig& config) {
   Stopwatch all, watch;
   TubeFrame frame;
   frame.frame_id = "scan";
@@ -239,9 +252,13 @@ TubeFrame find_scan_tubes(std::span<const Surfel> surfels, const ScanTubesConfig
   watch.lap(frame.stages.normals_ms);
   std::vector<std::vector<char>> certain;
   for (const Octave& octave : octaves) {
-    go_to_level_of(octave, certain, levels);
+    if (certain.size() < levels.whole || !is_fine_enough(levels.all[certain.size() - 1], octave, levels))
+      go_to_level_of(octave, certain, levels);
     search_octave(octave, levels, config, certain, candidates, frame.stages);
   }
+  // They have told what they are for.
+  certain = {};
+  for (ScanLevel& level : levels.all) level.merged_into = {};
   double searched_ms = 0.0;
   watch.lap(searched_ms);  // search_octave has told
   std::vector<ScanTube> tubes = chosen(std::move(candidates), levels, config);
