@@ -1,6 +1,7 @@
 #include "scan_grid.hpp"
 
 #include <gtest/gtest.h>
+#include <hwy/targets.h>
 
 #include <Eigen/Geometry>
 #include <algorithm>
@@ -52,6 +53,43 @@ TEST(ScanGrid, EverySurfelIsInOneCellAndEveryCellInOneBucket) {
                 1.001 * grid.bucket_radius_m());
   }
   EXPECT_EQ(next, grid.surfels.size());
+}
+
+TEST(ScanGrid, ManySurfelsThatAreSortedInSharesAreInTheCellsOfTheirPlaces) {
+  const std::vector<ScanSurfel> surfels = cylinder(300'000);
+  std::vector<std::uint32_t> merged_into, of_half;
+  const double cell_m = 0.05 * kRadius_m;
+  const SurfelGrid grid = merged_by_cell(surfels, {}, cell_m, merged_into);
+  EXPECT_TRUE(std::is_sorted(grid.keys.begin(), grid.keys.end()));
+  EXPECT_EQ(std::adjacent_find(grid.keys.begin(), grid.keys.end()), grid.keys.end());
+  for (std::size_t i = 0; i < surfels.size(); ++i)
+    ASSERT_LT((grid.surfels[merged_into[i]].position_m - surfels[i].position_m).norm(), std::sqrt(3.0) * cell_m);
+  // Half of them, which are sorted in one go, share cells as they do among all.
+  std::vector<char> second_half(surfels.size(), 0);
+  std::fill(second_half.begin() + 150'000, second_half.end(), 1);
+  merged_by_cell(surfels, second_half, cell_m, of_half);
+  for (std::size_t i = 1; i < 150'000; ++i)
+    EXPECT_EQ(merged_into[i] == merged_into[i - 1], of_half[i] == of_half[i - 1]);
+}
+
+TEST(ScanGrid, WhereSurfelsAreOnALineDoesNotDependOnTheVectors) {
+  std::vector<std::uint32_t> merged_into;
+  const SurfelGrid grid = merged_by_cell(cylinder(20'000), {}, 0.3 * kRadius_m, merged_into);
+  const ScanLine line = scan_line_along({{-0.02, 0.0, 0.0}, {0.1, 0.002, 0.001}, {0.22, 0.0, 0.0}}, kRadius_m, false);
+  const std::vector<SurfacePoint> best = points_near(grid, {}, line);
+  ASSERT_GT(best.size(), 1000U);
+  for (const std::int64_t target : hwy::SupportedAndGeneratedTargets()) {
+    hwy::SetSupportedTargetsForTest(target);
+    const std::vector<SurfacePoint> points = points_near(grid, {}, line);
+    ASSERT_EQ(points.size(), best.size());
+    for (std::size_t i = 0; i < best.size(); ++i) {
+      EXPECT_EQ(points[i].t, best[i].t) << hwy::TargetName(target);
+      EXPECT_EQ(points[i].surfel, best[i].surfel);
+      EXPECT_EQ(points[i].distance_m, best[i].distance_m);
+      EXPECT_EQ(points[i].inward, best[i].inward);
+    }
+  }
+  hwy::SetSupportedTargetsForTest(0);
 }
 
 TEST(ScanGrid, WhatIsLeftOutIsInNoCell) {

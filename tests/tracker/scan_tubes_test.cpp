@@ -1,6 +1,7 @@
 #include "tubetrack/tracker/scan_tubes.hpp"
 
 #include <gmock/gmock.h>
+#include <hwy/targets.h>
 
 #include <Eigen/Geometry>
 #include <algorithm>
@@ -257,6 +258,21 @@ TEST(ScanTubes, ConfigurationIsCheckedByName) {
   EXPECT_TRUE(validate(config));
   config.radius_min_m = 0.2;
   EXPECT_THAT(validate(config).error().message, HasSubstr("radius_max_m: 0.1, takes metres, above radius_min_m"));
+}
+
+TEST(ScanTubes, TheSameBytesWithEveryVectorLength) {
+  const Scan scan = voxels_of_tube(lying_tube(), {4.9 * kStep_m, kStep_m});
+  const TubeFrame best = tubes_of(scan);
+  ASSERT_EQ(best.tubes.size(), 1U);
+  for (const std::int64_t target : hwy::SupportedAndGeneratedTargets()) {
+    hwy::SetSupportedTargetsForTest(target);
+    const TubeFrame frame = tubes_of(scan);
+    ASSERT_EQ(frame.tubes.size(), 1U) << hwy::TargetName(target);
+    EXPECT_EQ(frame.tubes[0].centerline_m, best.tubes[0].centerline_m) << hwy::TargetName(target);
+    EXPECT_EQ(frame.tubes[0].radius_m, best.tubes[0].radius_m) << hwy::TargetName(target);
+    EXPECT_EQ(frame.tubes[0].sigma_m, best.tubes[0].sigma_m) << hwy::TargetName(target);
+  }
+  hwy::SetSupportedTargetsForTest(0);
 }
 
 }  // namespace

@@ -82,8 +82,10 @@ std::optional<ScanTube> tube_at(const AccumulationMap& votes, const VoxelIndex& 
 
 /// A cell holds more than a surfel of the scan or two.
 bool holds_many(const ScanLevel& level, const ScanLevels& levels) {
-  constexpr double kLeastSteps = 1.6;
-  return level.grid.cell_m >= kLeastSteps * levels.grid_step_m;
+  constexpr double kLeastSteps = 1.3;
+  constexpr std::size_t kLeast = 3;
+  return level.grid.cell_m >= kLeastSteps * levels.grid_step_m &&
+         levels.surfels.size() >= kLeast * level.grid.surfels.size();
 }
 
 /// The level whose surfels vote: normals as smooth as the radii allow, and few; the octave's own where coarser cells
