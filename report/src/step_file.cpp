@@ -125,11 +125,15 @@ std::vector<StepSection> sections_of(const Tube& tube) {
   const auto center = [&](std::ptrdiff_t i) {
     return sections[static_cast<std::size_t>((i + count) % count)].center_mm;
   };
+  // Of the parabola through a node and those beside it, or the next two at an end.
   const auto along = [&](std::ptrdiff_t i) -> Eigen::Vector3d {
-    // Off an end the parabola through three nodes.
-    if (!tube.closed && i == 0) return (4.0 * center(1) - 3.0 * center(0) - center(2)).normalized();
-    if (!tube.closed && i + 1 == count) return (3.0 * center(i) - 4.0 * center(i - 1) + center(i - 2)).normalized();
-    return (center(i + 1) - center(i - 1)).normalized();
+    const std::ptrdiff_t middle = tube.closed ? i : std::clamp<std::ptrdiff_t>(i, 1, count - 2);
+    const Eigen::Vector3d in_mm = center(middle) - center(middle - 1), out_mm = center(middle + 1) - center(middle);
+    const double before_mm = in_mm.norm(), behind_mm = out_mm.norm();
+    const Eigen::Vector3d in = in_mm / before_mm, out = out_mm / behind_mm;
+    const Eigen::Vector3d bend = (out - in) / (before_mm + behind_mm);
+    if (i < middle) return (in - before_mm * bend).normalized();
+    return (i > middle ? out + behind_mm * bend : in + before_mm * bend).normalized();
   };
   Eigen::Vector3d e1 = along(0).unitOrthogonal();
   const auto carry_on = [&](std::ptrdiff_t i) {

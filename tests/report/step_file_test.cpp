@@ -101,6 +101,7 @@ struct Solids {
   bool valid = true;
   int solids = 0;
   std::vector<double> volume_mm3;
+  std::vector<double> adaptive_mm3;  ///< for surfaces of splines, for which OpenCASCADE's default errs by 0.2 %
 };
 
 Solids read_back(const std::filesystem::path& path) {
@@ -113,6 +114,9 @@ Solids read_back(const std::filesystem::path& path) {
     GProp_GProps volume;
     BRepGProp::VolumeProperties(solid.Current(), volume);
     seen.volume_mm3.push_back(volume.Mass());
+    GProp_GProps adaptive;
+    BRepGProp::VolumeProperties(solid.Current(), adaptive, 1e-5);
+    seen.adaptive_mm3.push_back(adaptive.Mass());
     ++seen.solids;
   }
   return seen;
@@ -182,7 +186,7 @@ TEST_F(StepFile, WhatIsFreeIsASurfaceThroughItsSectionsAndANoteSaysSo) {
     EXPECT_TRUE(seen.valid);
     ASSERT_EQ(seen.solids, 1);
     const double expected = kPi * 16.0 * 1e3 * tube.length_m;
-    EXPECT_NEAR(seen.volume_mm3[0], expected, 1e-3 * expected);
+    EXPECT_NEAR(seen.adaptive_mm3[0], expected, 1e-3 * expected);
   }
 }
 
@@ -200,7 +204,7 @@ TEST_F(StepFile, AClosedLineOfFewUnevenNodesBecomesASolid) {
   EXPECT_TRUE(seen.valid);
   ASSERT_EQ(seen.solids, 1);
   const double expected = kPi * 16.0 * 1e3 * tube.length_m;
-  EXPECT_NEAR(seen.volume_mm3[0], expected, 2e-3 * expected);
+  EXPECT_NEAR(seen.adaptive_mm3[0], expected, 2e-3 * expected);
 }
 
 TEST_F(StepFile, ATubeWhoseRadiusVariesTapersInTheFileToo) {
@@ -219,7 +223,7 @@ TEST_F(StepFile, ATubeWhoseRadiusVariesTapersInTheFileToo) {
   const Solids seen = read_back(path_);
   EXPECT_TRUE(seen.valid);
   ASSERT_EQ(seen.solids, 1);
-  EXPECT_NEAR(seen.volume_mm3[0], expected, 1e-3 * expected);
+  EXPECT_NEAR(seen.adaptive_mm3[0], expected, 1e-3 * expected);
 }
 
 TEST_F(StepFile, ATableThatIsNotAsLongAsItsTubeGivesWayToTheNodes) {
@@ -233,7 +237,7 @@ TEST_F(StepFile, ATableThatIsNotAsLongAsItsTubeGivesWayToTheNodes) {
   const Solids seen = read_back(path_);
   ASSERT_EQ(seen.solids, 1);
   const double expected = kPi * 16.0 * 1e3 * tube.length_m;
-  EXPECT_NEAR(seen.volume_mm3[0], expected, 1e-3 * expected);
+  EXPECT_NEAR(seen.adaptive_mm3[0], expected, 1e-3 * expected);
 }
 
 TEST_F(StepFile, EqualTubesGiveEqualBytes) {
