@@ -15,7 +15,8 @@ struct ScanTubesConfig {
   double radius_min_m = 0.005;     ///< radii that are looked for, and no others are reported
   double radius_max_m = 0.100;     ///< above radius_min_m
   std::optional<double> radius_m;  ///< known: held, and the range is not looked at
-  /// Grid step of the accumulation map; empty: a quarter of the radius that is looked for, but not below grid_step_m.
+  /// Grid step of the accumulation map; empty: about three eighths of the radius that is looked for, but not below
+  /// grid_step_m.
   std::optional<double> cell_m;
   double min_length_radii = 1.5;  ///< a shorter tube is not reported
   double min_arc_rad = 2.0;       ///< nor one of whose section less is seen: a rounded edge of a box shows 90° (1.57)
