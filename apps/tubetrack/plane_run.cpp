@@ -93,7 +93,7 @@ Expected<int> run_plane_map(FrameSource& source, const TrackerConfig& config, co
       return tl::make_unexpected(written.error());
   }
   const Scan scan = scan_of(file);
-  const std::vector<Surfel> surfels = surfels_of(scan);
+  const std::vector<ScanSurfel> surfels = surfels_of(scan);
   ScanTubesConfig tubes;
   tubes.radius_m = config.radius_m;
   tubes.radius_min_m = config.radius_min_m;

@@ -114,7 +114,7 @@ Expected<void> run_scan(const ScanFlags& flags) {
   scan.grid_step_m = step_m.value_or(scan.grid_step_m);
   ScanSurfelOptions surfel_options;
   surfel_options.normals = *normals;
-  const std::vector<Surfel> surfels = surfels_of(scan, surfel_options);
+  const std::vector<ScanSurfel> surfels = surfels_of(scan, surfel_options);
   const std::chrono::duration<double> seconds = std::chrono::steady_clock::now() - begin;
   if (!flags.quiet) print_scan(flags, scan, surfels.size(), seconds.count());
   config.cell_m = step_m;

@@ -28,13 +28,13 @@ namespace {
 constexpr const char* kStepProgram = "tubetrack_step";
 
 /// The input as it is drawn and compared: a mesh's own faces, else the surfels' places.
-SurfaceMesh surface_of_scan(const Scan& scan, std::span<const Surfel> surfels) {
+SurfaceMesh surface_of_scan(const Scan& scan, std::span<const ScanSurfel> surfels) {
   SurfaceMesh mesh;
   if (scan.kind == ScanKind::mesh) {
     mesh.points_m = scan.points_m;
     mesh.faces = scan.faces;
   } else {
-    for (const Surfel& surfel : surfels) mesh.points_m.emplace_back(surfel.position_m.cast<double>());
+    for (const ScanSurfel& surfel : surfels) mesh.points_m.emplace_back(surfel.position_m.cast<double>());
   }
   for (Eigen::Vector3d& point : mesh.points_m) point = scan.pose * (point + scan.origin_m);
   return mesh;
@@ -77,7 +77,7 @@ Expected<void> write_step_file(const std::string& path, std::span<const Tube> tu
 }
 
 /// The tubes' surface, the input coloured by its distance to it, and a picture of both.
-Expected<void> write_surfaces(const ScanOutputs& outputs, const Scan& scan, std::span<const Surfel> surfels,
+Expected<void> write_surfaces(const ScanOutputs& outputs, const Scan& scan, std::span<const ScanSurfel> surfels,
                               std::span<const Tube> tubes) {
   if (outputs.mesh.empty() && outputs.error_map.empty() && outputs.picture.empty()) return {};
   SurfaceMesh surfaces[2];
@@ -165,7 +165,7 @@ Expected<void> check_scan_outputs(const ScanOutputs& outputs, const std::string&
   return {};
 }
 
-Expected<void> write_scan_outputs(const ScanOutputs& outputs, const Scan& scan, std::span<const Surfel> surfels,
+Expected<void> write_scan_outputs(const ScanOutputs& outputs, const Scan& scan, std::span<const ScanSurfel> surfels,
                                   std::span<const Tube> tubes) {
   if (auto written = write_tables(outputs, tubes); !written) return written;
   if (auto written = write_surfaces(outputs, scan, surfels, tubes); !written) return written;

@@ -24,7 +24,7 @@ Expected<void> check_scan_outputs(const ScanOutputs& outputs, const std::string&
 
 /// Tubes and scan in metres, the scan in the file's frame: `scan.origin_m` and `scan.pose` take it to the tubes'. The
 /// summary of the error map and notes on what STEP lacks go to stderr. The error names the flag or the file.
-Expected<void> write_scan_outputs(const ScanOutputs& outputs, const Scan& scan, std::span<const Surfel> surfels,
+Expected<void> write_scan_outputs(const ScanOutputs& outputs, const Scan& scan, std::span<const ScanSurfel> surfels,
                                   std::span<const Tube> tubes);
 
 /// `text` to the file that `flag` names.

@@ -12,7 +12,7 @@ constexpr double kHeightMapArc_rad = 1.6;
 
 }  // namespace
 
-Expected<TubeFrame> tubes_of_scan(const Scan& scan, std::span<const Surfel> surfels, ScanTubesConfig& config,
+Expected<TubeFrame> tubes_of_scan(const Scan& scan, std::span<const ScanSurfel> surfels, ScanTubesConfig& config,
                                   bool any_radius) {
   config.grid_step_m = scan.grid_step_m;
   if (scan.kind == ScanKind::height_map) config.min_arc_rad = kHeightMapArc_rad;

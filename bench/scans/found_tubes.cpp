@@ -7,7 +7,7 @@
 
 namespace tubetrack::bench {
 
-TubeFrame found_tubes(const Scan& scan, std::span<const Surfel> surfels) {
+TubeFrame found_tubes(const Scan& scan, std::span<const ScanSurfel> surfels) {
   ScanTubesConfig config;
   auto found = tubes_of_scan(scan, surfels, config, true);
   if (!found) throw std::logic_error(found.error().message);

@@ -9,6 +9,6 @@
 namespace tubetrack::bench {
 
 /// The tubes of a scan as `tubetrack scan` finds them (apps/tubetrack/scan_result.cpp), told nothing.
-TubeFrame found_tubes(const Scan& scan, std::span<const Surfel> surfels);
+TubeFrame found_tubes(const Scan& scan, std::span<const ScanSurfel> surfels);
 
 }  // namespace tubetrack::bench

@@ -76,12 +76,12 @@ struct NormalErrors {
 
 NormalErrors errors_of(const Scan& scan, const ScanSurfelOptions& options) {
   const std::clock_t begin = std::clock();
-  const std::vector<Surfel> surfels = surfels_of(scan, options);
+  const std::vector<ScanSurfel> surfels = surfels_of(scan, options);
   NormalErrors errors;
   errors.us_a_surfel = 1e6 * static_cast<double>(std::clock() - begin) / CLOCKS_PER_SEC /
                        std::max(1.0, static_cast<double>(surfels.size()));
   double count = 0.0;
-  for (const Surfel& surfel : surfels) {
+  for (const ScanSurfel& surfel : surfels) {
     const Eigen::Vector3d normal = torus_normal(1e3 * (surfel.position_m.cast<double>() + scan.origin_m));
     if (scan.kind == ScanKind::height_map && -normal.z() < std::cos(kSteepest_deg * std::numbers::pi / 180.0)) continue;
     const double cosine = std::clamp(-surfel.inward_normal.cast<double>().dot(normal), -1.0, 1.0);

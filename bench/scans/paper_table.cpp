@@ -31,12 +31,13 @@ double peak_memory_mb() {
 
 /// Algorithm 1 on all faces, algorithm 2 both ways from its best voxel. accRadius is a tenth above the radius, which
 /// the paper's method is told.
-double transcription_s(std::span<const Surfel> surfels, double radius_m, double cell_m) {
+double transcription_s(std::span<const ScanSurfel> surfels, double radius_m, double cell_m) {
   const double begin_s = processor_s();
   std::vector<VoteRecord> records;
   records.reserve(surfels.size());
   const double acc_radius_m = 1.1 * radius_m;
-  for (Surfel surfel : surfels) {
+  for (const ScanSurfel& of_scan : surfels) {
+    Surfel surfel{of_scan.position_m, of_scan.inward_normal, of_scan.weight};
     surfel.radius_min_m = 0.0F;
     surfel.radius_max_m = static_cast<float>(acc_radius_m);
     records.push_back(vote_record(surfel, cell_m));
@@ -64,7 +65,7 @@ PaperRow measure(const PaperScan& scan, bool with_transcription) {
   row.paper_s = scan.paper_s;
   row.goal_voxels = scan.goal_voxels;
   const double begin_s = processor_s();
-  const std::vector<Surfel> surfels = surfels_of(scan.scan);
+  const std::vector<ScanSurfel> surfels = surfels_of(scan.scan);
   const TubeFrame frame = found_tubes(scan.scan, surfels);
   row.ours_s = processor_s() - begin_s;
   row.peak_memory_mb = peak_memory_mb();

@@ -30,15 +30,13 @@ struct NormalWindow {
   double radius_m = 0.0;
 };
 
-/// A surfel a boundary face; `pattern` has what all surfels share. Its weight is the face's area as the surface runs
+/// A surfel a boundary face. Its weight is the face's area as the surface runs
 /// through it: the faces of a slanted surface are more than its area.
-void add_voxel_surfels(const VoxelGrid& grid, const Surfel& pattern, const NormalWindow& window,
-                       std::vector<Surfel>& surfels);
+void add_voxel_surfels(const VoxelGrid& grid, const NormalWindow& window, std::vector<ScanSurfel>& surfels);
 
 /// A surfel a cell: least-squares planes over the square of ± radius_m around it. Neighbours that rise more steeply
 /// than 75° from the cell are on the far side of an edge and left out; cells with fewer than half of their neighbours
 /// have no surfel. With the Voronoi measure cells that are steeper than 75° have none.
-void add_height_surfels(const HeightGrid& grid, const Surfel& pattern, const NormalWindow& window,
-                        std::vector<Surfel>& surfels);
+void add_height_surfels(const HeightGrid& grid, const NormalWindow& window, std::vector<ScanSurfel>& surfels);
 
 }  // namespace tubetrack

@@ -50,8 +50,8 @@ bool fit_plane(const HeightGrid& grid, int u, int v, const Window& window, Eigen
   return slope.allFinite();
 }
 
-Surfel surfel_at(const HeightGrid& grid, int u, int v, const Eigen::Vector3d& inward, const Surfel& pattern) {
-  Surfel surfel = pattern;
+ScanSurfel surfel_at(const HeightGrid& grid, int u, int v, const Eigen::Vector3d& inward) {
+  ScanSurfel surfel;
   const std::size_t cell =
       static_cast<std::size_t>(v) * static_cast<std::size_t>(grid.width) + static_cast<std::size_t>(u);
   const double height_m = grid.height_m[cell];
@@ -59,11 +59,10 @@ Surfel surfel_at(const HeightGrid& grid, int u, int v, const Eigen::Vector3d& in
   surfel.inward_normal = inward.normalized().cast<float>();
   // A cell's part of a slope is larger than the cell.
   surfel.weight = static_cast<float>(inward.norm() / inward.z());
-  surfel.cell = static_cast<std::uint32_t>(cell);
   return surfel;
 }
 
-void add_by_voronoi(const HeightGrid& grid, const Surfel& pattern, double radius_m, std::vector<Surfel>& surfels) {
+void add_by_voronoi(const HeightGrid& grid, double radius_m, std::vector<ScanSurfel>& surfels) {
   std::vector<Eigen::Vector3d> points_m;
   std::vector<Eigen::Vector2i> cells;
   for (int v = 0; v < grid.height; ++v) {
@@ -81,7 +80,7 @@ void add_by_voronoi(const HeightGrid& grid, const Surfel& pattern, double radius
   for (std::size_t i = 0; i < cells.size(); ++i) {
     const Eigen::Vector3d inward = -normals[i].cast<double>();
     if (inward.z() * kSteepest < inward.head<2>().norm()) continue;
-    surfels.push_back(surfel_at(grid, cells[i].x(), cells[i].y(), inward, pattern));
+    surfels.push_back(surfel_at(grid, cells[i].x(), cells[i].y(), inward));
   }
 }
 
@@ -162,10 +161,9 @@ class PlaneSums {
 
 }  // namespace
 
-void add_height_surfels(const HeightGrid& grid, const Surfel& pattern, const NormalWindow& normal_window,
-                        std::vector<Surfel>& surfels) {
+void add_height_surfels(const HeightGrid& grid, const NormalWindow& normal_window, std::vector<ScanSurfel>& surfels) {
   if (normal_window.method == GridNormals::voronoi) {
-    add_by_voronoi(grid, pattern, normal_window.radius_m, surfels);
+    add_by_voronoi(grid, normal_window.radius_m, surfels);
     return;
   }
   constexpr int kLargest_cells = 50;
@@ -183,7 +181,7 @@ void add_height_surfels(const HeightGrid& grid, const Surfel& pattern, const Nor
       Eigen::Vector2d slope = slopes[static_cast<std::size_t>(u)];
       if (std::isnan(slope.x()) && !fit_plane(grid, u, v, window, slope)) continue;
       // The surface is z = −height(x, y), seen from below zero: what lies behind it has the larger z.
-      surfels.push_back(surfel_at(grid, u, v, Eigen::Vector3d(slope.x(), slope.y(), 1.0), pattern));
+      surfels.push_back(surfel_at(grid, u, v, Eigen::Vector3d(slope.x(), slope.y(), 1.0)));
     }
   }
 }

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <random>
 
 #include "grid_surfels.hpp"
 
@@ -14,16 +15,15 @@ namespace {
 using Triangle = std::array<Eigen::Vector3d, 3>;
 
 /// The corner from which the longest edge runs to the next one.
-std::size_t longest_edge(const Triangle& triangle, double& length) {
+std::size_t longest_edge(const Triangle& triangle, double& squared) {
   std::size_t longest = 0;
-  double squared = 0.0;
+  squared = 0.0;
   for (std::size_t k = 0; k < 3; ++k) {
     const double edge = (triangle[(k + 1) % 3] - triangle[k]).squaredNorm();
     if (edge <= squared) continue;
     squared = edge;
     longest = k;
   }
-  length = std::sqrt(squared);
   return longest;
 }
 
@@ -32,10 +32,12 @@ double pieces_at_most(const Scan& scan, double limit_m) {
   double count = 0.0;
   for (const auto& [a, b, c] : scan.faces) {
     const Triangle triangle{scan.points_m[a], scan.points_m[b], scan.points_m[c]};
-    double longest = 0.0;
-    longest_edge(triangle, longest);
+    double squared = 0.0;
+    longest_edge(triangle, squared);
+    count += 1.0;
+    if (squared <= limit_m * limit_m) continue;
     const double area = 0.5 * (triangle[1] - triangle[0]).cross(triangle[2] - triangle[0]).norm();
-    count += longest <= limit_m ? 1.0 : 2.0 * longest / limit_m + 8.0 * area / (limit_m * limit_m);
+    count += 2.0 * std::sqrt(squared) / limit_m + 8.0 * area / (limit_m * limit_m);
   }
   return count;
 }
@@ -63,7 +65,8 @@ std::vector<Eigen::Vector3d> normals_at_points(const Scan& scan) {
 /// fiftieth of a grid step where its radius is six of them, and a bend of flat faces inside its circle.
 struct Face {
   Triangle corners;
-  Eigen::Vector3d normal;                  ///< outward, of length twice the area
+  Eigen::Vector3d normal;  ///< outward, unit
+  double twice_area = 0.0;
   std::array<Eigen::Vector3d, 3> normals;  ///< at the corners; zero at an edge of the body, which is not round
 
   /// Of a point of the face, along its normal: on a surface of constant curvature K a corner d away has the normal
@@ -72,7 +75,7 @@ struct Face {
     double sum_m = 0.0;
     for (std::size_t k = 0; k < 3; ++k) {
       const Eigen::Vector3d &b = corners[(k + 1) % 3], &c = corners[(k + 2) % 3];
-      const double share = (b - point_m).cross(c - point_m).dot(normal) / normal.squaredNorm();
+      const double share = (b - point_m).cross(c - point_m).dot(normal) / twice_area;
       sum_m += 0.5 * share * (corners[k] - point_m).dot(normals[k]);
     }
     return sum_m;
@@ -85,47 +88,48 @@ Face face_of(const Scan& scan, const std::array<std::uint32_t, 3>& corners,
   Face face;
   for (std::size_t k = 0; k < 3; ++k) face.corners[k] = scan.points_m[corners[k]];
   face.normal = (face.corners[1] - face.corners[0]).cross(face.corners[2] - face.corners[0]);
-  const Eigen::Vector3d unit = face.normal.normalized();
+  face.twice_area = face.normal.norm();
+  if (face.twice_area > 0.0) face.normal /= face.twice_area;
   for (std::size_t k = 0; k < 3; ++k) {
     const Eigen::Vector3d& normal = normals[corners[k]];
-    face.normals[k] = normal.dot(unit) > kSmooth ? normal : Eigen::Vector3d(Eigen::Vector3d::Zero());
+    face.normals[k] = normal.dot(face.normal) > kSmooth ? normal : Eigen::Vector3d(Eigen::Vector3d::Zero());
   }
   return face;
 }
 
 /// A surfel of a face's piece.
-void add_piece(const Face& face, const Triangle& piece, Surfel surfel, double step_area, std::vector<Surfel>& surfels) {
+void add_piece(const Face& face, const Triangle& piece, ScanSurfel surfel, double step_area,
+               std::vector<ScanSurfel>& surfels) {
   const double area = 0.5 * (piece[1] - piece[0]).cross(piece[2] - piece[0]).norm();
   const Eigen::Vector3d middle_m = (piece[0] + piece[1] + piece[2]) / 3.0;
-  surfel.position_m = (middle_m + face.stands_out_m(middle_m) * face.normal.normalized()).cast<float>();
+  surfel.position_m = (middle_m + face.stands_out_m(middle_m) * face.normal).cast<float>();
   surfel.weight = static_cast<float>(area / step_area);
   surfels.push_back(surfel);
 }
 
 /// The surfel of a face that need not be cut: all corners share alike in its middle.
-void add_whole(const Face& face, Surfel surfel, double step_area, std::vector<Surfel>& surfels) {
+void add_whole(const Face& face, ScanSurfel surfel, double step_area, std::vector<ScanSurfel>& surfels) {
   const auto& [a, b, c] = face.corners;
   const Eigen::Vector3d middle_m = (a + b + c) / 3.0;
   double out_m = 0.0;
   for (std::size_t k = 0; k < 3; ++k) out_m += (face.corners[k] - middle_m).dot(face.normals[k]) / 6.0;
-  const double twice_area = face.normal.norm();
-  surfel.position_m = (middle_m + out_m / twice_area * face.normal).cast<float>();
-  surfel.weight = static_cast<float>(0.5 * twice_area / step_area);
+  surfel.position_m = (middle_m + out_m * face.normal).cast<float>();
+  surfel.weight = static_cast<float>(0.5 * face.twice_area / step_area);
   surfels.push_back(surfel);
 }
 
 /// Cuts across the longest edge until no piece has one above the limit. `pieces` is for what is left to cut.
-void add_pieces(const Face& face, double limit_m, const Surfel& surfel, double step_area, std::vector<Triangle>& pieces,
-                std::vector<Surfel>& surfels) {
-  double length = 0.0;
-  longest_edge(face.corners, length);
-  if (length <= limit_m) return add_whole(face, surfel, step_area, surfels);
+void add_pieces(const Face& face, double limit_m, const ScanSurfel& surfel, double step_area,
+                std::vector<Triangle>& pieces, std::vector<ScanSurfel>& surfels) {
+  double squared = 0.0;
+  longest_edge(face.corners, squared);
+  if (squared <= limit_m * limit_m) return add_whole(face, surfel, step_area, surfels);
   pieces.push_back(face.corners);
   while (!pieces.empty()) {
     const Triangle piece = pieces.back();
     pieces.pop_back();
-    const std::size_t k = longest_edge(piece, length);
-    if (length <= limit_m) {
+    const std::size_t k = longest_edge(piece, squared);
+    if (squared <= limit_m * limit_m) {
       add_piece(face, piece, surfel, step_area, surfels);
       continue;
     }
@@ -136,7 +140,7 @@ void add_pieces(const Face& face, double limit_m, const Surfel& surfel, double s
   }
 }
 
-void add_mesh(const Scan& scan, const Surfel& pattern, std::size_t max_count, std::vector<Surfel>& surfels) {
+void add_mesh(const Scan& scan, std::size_t max_count, std::vector<ScanSurfel>& surfels) {
   const double limit_m = piece_limit_m(scan, max_count);
   const double step_area = scan.grid_step_m * scan.grid_step_m;
   const std::vector<Eigen::Vector3d> normals = normals_at_points(scan);
@@ -144,63 +148,59 @@ void add_mesh(const Scan& scan, const Surfel& pattern, std::size_t max_count, st
   surfels.reserve(scan.faces.size());
   for (std::size_t i = 0; i < scan.faces.size(); ++i) {
     const Face face = face_of(scan, scan.faces[i], normals);
-    Surfel surfel = pattern;
+    ScanSurfel surfel;
     // Paper, section 3: the cross product of face edges.
-    surfel.inward_normal = -face.normal.normalized().cast<float>();
-    surfel.cell = static_cast<std::uint32_t>(i);
+    surfel.inward_normal = -face.normal.cast<float>();
     add_pieces(face, limit_m, surfel, step_area, pieces, surfels);
   }
 }
 
-void add_cloud(const Scan& scan, const Surfel& pattern, std::vector<Surfel>& surfels) {
+void add_cloud(const Scan& scan, std::vector<ScanSurfel>& surfels) {
   surfels.reserve(scan.points_m.size());
   for (std::size_t i = 0; i < scan.points_m.size(); ++i) {
-    Surfel surfel = pattern;
+    ScanSurfel surfel;
     surfel.position_m = scan.points_m[i].cast<float>();
     surfel.inward_normal = -scan.normals[i];
-    surfel.cell = static_cast<std::uint32_t>(i);
     surfels.push_back(surfel);
   }
 }
 
 }  // namespace
 
-std::vector<Surfel> surfels_of(const Scan& scan, const ScanSurfelOptions& options) {
-  constexpr double kUniformSigma = 0.288675;  // of a position rounded to 1: 1/√12
-  Surfel pattern;
-  pattern.sigma_m = static_cast<float>(kUniformSigma * scan.grid_step_m);
-  pattern.radius_min_m = static_cast<float>(options.radius_min_m);
-  pattern.radius_max_m = static_cast<float>(options.radius_max_m);
+std::vector<ScanSurfel> surfels_of(const Scan& scan, const ScanSurfelOptions& options) {
   const double steps = scan.kind == ScanKind::voxels ? 4.0 : 3.0;
   const double radius_m = options.normal_radius_m > 0.0 ? options.normal_radius_m : steps * scan.grid_step_m;
-  std::vector<Surfel> surfels;
+  std::vector<ScanSurfel> surfels;
   switch (scan.kind) {
     case ScanKind::mesh:
-      add_mesh(scan, pattern, options.max_count, surfels);
+      add_mesh(scan, options.max_count, surfels);
       break;
     case ScanKind::cloud:
-      add_cloud(scan, pattern, surfels);
+      add_cloud(scan, surfels);
       break;
     case ScanKind::voxels:
-      add_voxel_surfels(scan.voxels, pattern, {options.normals, radius_m}, surfels);
+      add_voxel_surfels(scan.voxels, {options.normals, radius_m}, surfels);
       break;
     case ScanKind::height_map:
-      add_height_surfels(scan.heights, pattern, {options.normals, radius_m}, surfels);
+      add_height_surfels(scan.heights, {options.normals, radius_m}, surfels);
       break;
   }
   return surfels;
 }
 
-RadiusRange default_radius_range(const Scan& scan, std::span<const Surfel> surfels) {
+RadiusRange default_radius_range(const Scan& scan, std::span<const ScanSurfel> surfels) {
   Eigen::AlignedBox3f box;
-  for (const Surfel& surfel : surfels) box.extend(surfel.position_m);
+  for (const ScanSurfel& surfel : surfels) box.extend(surfel.position_m);
   RadiusRange range;
   range.min_m = (scan.kind == ScanKind::cloud ? 1.5 : 2.0) * scan.grid_step_m;
   if (scan.kind == ScanKind::mesh) {
-    // Of all faces: they stand in patterns, and every k-th would show some of the edges alone.
+    // Faces stand in patterns, and every k-th would show some of the edges alone; of many some are enough, by chance.
+    constexpr std::size_t kEnough = 20'000;
+    const std::size_t leap = 2 * (scan.faces.size() / kEnough) + 1;
+    std::mt19937 chance;
     std::vector<double> shortest;  // squared
-    shortest.reserve(scan.faces.size());
-    for (const auto& [a, b, c] : scan.faces) {
+    for (std::size_t i = 0; i < scan.faces.size(); i += leap > 1 ? 1 + chance() % leap : 1) {
+      const auto& [a, b, c] = scan.faces[i];
       shortest.push_back(std::min({(scan.points_m[a] - scan.points_m[b]).squaredNorm(),
                                    (scan.points_m[b] - scan.points_m[c]).squaredNorm(),
                                    (scan.points_m[c] - scan.points_m[a]).squaredNorm()}));

@@ -5,8 +5,10 @@
 #include <cstddef>
 #include <cstdint>
 #include <cstring>
+#include <span>
 #include <vector>
 
+#include "ball_sums.hpp"
 #include "grid_surfels.hpp"
 #include "voronoi_normals.hpp"
 
@@ -46,7 +48,7 @@ int next_inside(const std::uint8_t* row, int i, int count) {
   return i;
 }
 
-/// The weights of a face's neighbours, by how many half voxels they are away along each axis.
+/// The weights of a face's neighbours, by how many half voxels they are away along each axis; alike both ways.
 class BallWeights {
  public:
   /// Offsets up to `block` half voxels beyond the ball may be asked for.
@@ -81,6 +83,7 @@ class BallWeights {
 };
 
 constexpr int kBlock = 8;  // half voxels: an edge of 4 voxels
+static_assert(kBlock == kRowPlaces);
 
 /// Faces by the block of 4³ voxels that they lie in.
 struct FaceBlocks {
@@ -108,15 +111,12 @@ struct FaceBlocks {
   }
 };
 
-/// Where the weight of a face around a block stands, but for the place of the face that asks; and its shape.
-struct NearFace {
-  int place;
-  int shape;
-};
+/// Of the faces around a block, by shape: their places as BallWeights counts them, from the block on.
+using NearPlaces = std::array<std::vector<std::int32_t>, 6>;
 
 void gather_near(const FaceBlocks& blocks, const std::vector<BoundaryFace>& faces, const BallWeights& weights,
-                 const Eigen::Vector3i& block, std::vector<NearFace>& near) {
-  near.clear();
+                 const Eigen::Vector3i& block, NearPlaces& near) {
+  for (std::vector<std::int32_t>& places : near) places.clear();
   const Eigen::Array3i low = kBlock * block.array() - weights.reach().array();
   const Eigen::Array3i high = kBlock * block.array() + kBlock - 1 + weights.reach().array();
   const Eigen::Vector3i from = (low.max(0) / kBlock).matrix();
@@ -127,7 +127,7 @@ void gather_near(const FaceBlocks& blocks, const std::vector<BoundaryFace>& face
            ++i) {
         const BoundaryFace& face = faces[blocks.faces[i]];
         if ((face.twice.array() < low).any() || (face.twice.array() > high).any()) continue;
-        near.push_back({weights.place(face.twice - kBlock * block), face.shape});
+        near[static_cast<std::size_t>(face.shape)].push_back(weights.place(face.twice - kBlock * block));
       }
     }
   }
@@ -139,12 +139,17 @@ std::vector<BoundaryFace> boundary_faces(const VoxelGrid& grid) {
   const auto shapes = face_shapes(grid.axes_m);
   const std::ptrdiff_t row = grid.size.x(), slice = row * grid.size.y();
   const std::array<std::ptrdiff_t, 6> to_next{-1, 1, -row, row, -slice, slice};
+  const auto is_between = [](int at, int count) { return at > 0 && at + 1 < count; };
   std::vector<BoundaryFace> faces;
   for (int k = 0; k < grid.size.z(); ++k) {
     for (int j = 0; j < grid.size.y(); ++j) {
       const std::uint8_t* begin = grid.inside.data() + grid.at(0, j, k);
       for (int i = 0; (i = next_inside(begin, i, grid.size.x())) < grid.size.x(); ++i) {
         const std::uint8_t* voxel = begin + i;
+        // Most voxels are deep inside.
+        if (is_between(i, grid.size.x()) && is_between(j, grid.size.y()) && is_between(k, grid.size.z()) &&
+            (voxel[-1] & voxel[1] & voxel[-row] & voxel[row] & voxel[-slice] & voxel[slice]) != 0)
+          continue;
         for (std::size_t n = 0; n < shapes.size(); ++n) {
           const FaceShape& shape = shapes[n];
           const Eigen::Vector3i next = Eigen::Vector3i(i, j, k) + shape.step;
@@ -165,19 +170,38 @@ std::vector<Eigen::Vector3f> smoothed_normals(const VoxelGrid& grid, const std::
   const BallWeights weights(grid.axes_m, radius_m, kBlock - 1);
   const FaceBlocks blocks(grid, faces);
   std::vector<Eigen::Vector3f> normals(faces.size());
-  std::vector<NearFace> near;
+  NearPlaces near;
+  std::vector<std::int32_t> rows;  // of the block that hold a face
+  constexpr std::size_t kNoRow = ~std::size_t{0};
+  std::array<std::size_t, kBlock * kBlock> row_of{};
+  std::array<std::vector<float>, 6> sums;
   std::size_t begin = 0;
   while (begin < faces.size()) {
     const Eigen::Vector3i block = faces[blocks.faces[begin]].twice / kBlock;
     const std::size_t end = blocks.first[blocks.at(block) + 1];
     gather_near(blocks, faces, weights, block, near);
+    const auto row_in_block = [&](std::size_t i) {
+      const Eigen::Vector3i at = faces[blocks.faces[i]].twice - kBlock * block;
+      return static_cast<std::size_t>(at.z() * kBlock + at.y());
+    };
+    rows.clear();
+    row_of.fill(kNoRow);
+    for (std::size_t i = begin; i < end; ++i) {
+      const std::size_t row = row_in_block(i);
+      if (row_of[row] != kNoRow) continue;
+      row_of[row] = rows.size();
+      rows.push_back(weights.place({0, static_cast<int>(row) % kBlock, static_cast<int>(row) / kBlock}));
+    }
+    for (std::size_t n = 0; n < shapes.size(); ++n) {
+      sums[n].assign(rows.size() * kRowPlaces, 0.0F);
+      add_weights(weights.middle(), near[n], rows, sums[n]);
+    }
     for (std::size_t i = begin; i < end; ++i) {
       const BoundaryFace& face = faces[blocks.faces[i]];
-      const float* own = weights.middle() - weights.place(face.twice - kBlock * block);
-      std::array<float, 6> sums{};
-      for (const NearFace& one : near) sums[static_cast<std::size_t>(one.shape)] += own[one.place];
+      const std::size_t at = row_of[row_in_block(i)] * kRowPlaces + static_cast<std::size_t>(face.twice.x() % kBlock);
       Eigen::Vector3d sum = Eigen::Vector3d::Zero();
-      for (std::size_t n = 0; n < shapes.size(); ++n) sum += static_cast<double>(sums[n]) * shapes[n].outward_area_m2;
+      for (std::size_t n = 0; n < shapes.size(); ++n)
+        sum += static_cast<double>(sums[n][at]) * shapes[n].outward_area_m2;
       // Opposite sides of a plate thinner than the ball cancel out; then the face's own normal has to do.
       const bool cancelled = !(sum.norm() > 1e-6 * face.outward_area_m2.norm());
       normals[blocks.faces[i]] = (cancelled ? face.outward_area_m2 : sum).normalized().cast<float>();
@@ -201,8 +225,7 @@ std::vector<Eigen::Vector3f> voronoi_normals_of(const std::vector<BoundaryFace>&
 
 }  // namespace
 
-void add_voxel_surfels(const VoxelGrid& grid, const Surfel& pattern, const NormalWindow& window,
-                       std::vector<Surfel>& surfels) {
+void add_voxel_surfels(const VoxelGrid& grid, const NormalWindow& window, std::vector<ScanSurfel>& surfels) {
   const std::vector<BoundaryFace> faces = boundary_faces(grid);
   if (faces.empty()) return;
   const double step_m = std::cbrt(std::abs(grid.axes_m.determinant()));
@@ -212,12 +235,11 @@ void add_voxel_surfels(const VoxelGrid& grid, const Surfel& pattern, const Norma
   const double step_area = step_m * step_m;
   surfels.reserve(faces.size());
   for (std::size_t i = 0; i < faces.size(); ++i) {
-    Surfel surfel = pattern;
+    ScanSurfel surfel;
     surfel.position_m = faces[i].center_m.cast<float>();
     surfel.inward_normal = -normals[i];
     const double seen = faces[i].outward_area_m2.dot(normals[i].cast<double>()) / step_area;
     surfel.weight = static_cast<float>(std::max(0.0, seen));
-    surfel.cell = static_cast<std::uint32_t>(i);
     surfels.push_back(surfel);
   }
 }

@@ -3,21 +3,14 @@
 #include <fmt/format.h>
 
 #include <APIHeaderSection_MakeHeader.hxx>
-#include <BRepAdaptor_Surface.hxx>
 #include <BRepBuilderAPI_MakeEdge.hxx>
-#include <BRepBuilderAPI_MakeFace.hxx>
-#include <BRepBuilderAPI_MakeSolid.hxx>
 #include <BRepBuilderAPI_MakeWire.hxx>
-#include <BRepBuilderAPI_Sewing.hxx>
 #include <BRepCheck_Analyzer.hxx>
 #include <BRepGProp.hxx>
-#include <BRepLib.hxx>
 #include <BRepOffsetAPI_MakePipe.hxx>
 #include <BRepPrimAPI_MakeTorus.hxx>
 #include <Eigen/Geometry>
 #include <GProp_GProps.hxx>
-#include <GeomAPI_Interpolate.hxx>
-#include <Geom_BSplineCurve.hxx>
 #include <Interface_Static.hxx>
 #include <Message.hxx>
 #include <Message_Messenger.hxx>
@@ -25,27 +18,18 @@
 #include <Standard_Failure.hxx>
 #include <StepBasic_Product.hxx>
 #include <StepData_StepModel.hxx>
-#include <TColgp_HArray1OfPnt.hxx>
 #include <TCollection_HAsciiString.hxx>
-#include <TopExp_Explorer.hxx>
-#include <TopoDS.hxx>
-#include <TopoDS_Edge.hxx>
-#include <TopoDS_Face.hxx>
 #include <TopoDS_Shape.hxx>
-#include <TopoDS_Shell.hxx>
-#include <TopoDS_Solid.hxx>
-#include <TopoDS_Wire.hxx>
 #include <algorithm>
 #include <cmath>
 #include <exception>
 #include <gp_Ax2.hxx>
 #include <gp_Circ.hxx>
-#include <gp_Dir.hxx>
 #include <gp_Pnt.hxx>
-#include <gp_Vec.hxx>
 #include <numbers>
 #include <optional>
 
+#include "step_surface.hpp"
 #include "tubetrack/tracker/bend_table.hpp"
 #include "tubetrack/tracker/part_chain.hpp"
 
@@ -53,22 +37,8 @@ namespace tubetrack {
 
 namespace {
 
-constexpr double kMillimetres = 1e3;  // what CAD programs expect; their tolerance of 1e-7 is of such units
-// Shorter parts are none: points that near are the same to a CAD program.
-constexpr double kNothing_mm = 1e-5;
-
 gp_Pnt point_mm(const Eigen::Vector3d& p_m) {
   return {kMillimetres * p_m.x(), kMillimetres * p_m.y(), kMillimetres * p_m.z()};
-}
-
-gp_Dir direction(const Eigen::Vector3d& d) {
-  return {d.x(), d.y(), d.z()};
-}
-
-/// The tube's section at the start of its centreline.
-TopoDS_Face disc(const gp_Pnt& center, const gp_Dir& along, double radius_mm) {
-  const TopoDS_Edge circle = BRepBuilderAPI_MakeEdge(gp_Circ(gp_Ax2(center, along), radius_mm)).Edge();
-  return BRepBuilderAPI_MakeFace(BRepBuilderAPI_MakeWire(circle).Wire()).Face();
 }
 
 /// Swept along lines and circles a circle makes cylinders and tori, not splines that look like them.
@@ -87,7 +57,8 @@ TopoDS_Shape solid_of_chain(const PartChain& chain, double radius_mm) {
         BRepBuilderAPI_MakeEdge(gp_Circ(axes, kMillimetres * bend.radius_m), 0.0, chain.bends[i].angle_rad).Edge());
   }
   add_straight(placed.last_start_m, placed.last_tangent, chain.closing_m);
-  return BRepOffsetAPI_MakePipe(wire.Wire(), disc(point_mm(chain.start_m), direction(chain.direction), radius_mm))
+  return BRepOffsetAPI_MakePipe(wire.Wire(),
+                                step_disc(gp_Ax2(point_mm(chain.start_m), direction(chain.direction)), radius_mm))
       .Shape();
 }
 
@@ -98,58 +69,27 @@ TopoDS_Shape torus_of(const PartChain& ring, double radius_mm) {
       .Shape();
 }
 
-TopoDS_Shape swept(const opencascade::handle<Geom_BSplineCurve>& curve, double from, double to, double radius_mm) {
-  gp_Pnt start;
-  gp_Vec along;
-  curve->D1(from, start, along);
-  const TopoDS_Wire spine = BRepBuilderAPI_MakeWire(BRepBuilderAPI_MakeEdge(curve, from, to).Edge()).Wire();
-  return BRepOffsetAPI_MakePipe(spine, disc(start, along, radius_mm), GeomFill_IsCorrectedFrenet).Shape();
-}
-
-/// Swept in one piece a closed line's surface does not meet itself again: the section comes back turned. So two halves
-/// are swept, and their sides sewn together.
-TopoDS_Shape closed_sweep(const opencascade::handle<Geom_BSplineCurve>& curve, double radius_mm) {
-  constexpr double kSewn_mm = 1e-4;
-  const double first = curve->FirstParameter(), last = curve->LastParameter();
-  const double middle = 0.5 * (first + last);
-  BRepBuilderAPI_Sewing sewing(kSewn_mm);
-  for (const TopoDS_Shape& half : {swept(curve, first, middle, radius_mm), swept(curve, middle, last, radius_mm)}) {
-    for (TopExp_Explorer face(half, TopAbs_FACE); face.More(); face.Next()) {
-      if (BRepAdaptor_Surface(TopoDS::Face(face.Current())).GetType() != GeomAbs_Plane) sewing.Add(face.Current());
+/// Of circles whose centres go along the line: area times way (Pappus).
+double volume_mm3(const Tube& tube) {
+  double sum_mm3 = 0.0;
+  for (std::size_t i = 1; i < tube.centerline_m.size(); ++i) {
+    double squared_m2 = tube.radius_m * tube.radius_m;
+    if (!tube.node_radius_m.empty()) {
+      const double a_m = tube.node_radius_m[i - 1], b_m = tube.node_radius_m[i];
+      squared_m2 = (a_m * a_m + a_m * b_m + b_m * b_m) / 3.0;
     }
+    sum_mm3 += squared_m2 * (tube.centerline_m[i] - tube.centerline_m[i - 1]).norm();
   }
-  sewing.Perform();
-  TopoDS_Solid solid = BRepBuilderAPI_MakeSolid(TopoDS::Shell(sewing.SewedShape())).Solid();
-  BRepLib::OrientClosedSolid(solid);
-  return solid;
+  return std::numbers::pi * kMillimetres * kMillimetres * kMillimetres * sum_mm3;
 }
 
-TopoDS_Shape solid_of_nodes(const Tube& tube) {
-  std::vector<gp_Pnt> nodes;
-  for (const Eigen::Vector3d& p_m : tube.centerline_m) {
-    const gp_Pnt p = point_mm(p_m);
-    if (nodes.empty() || p.Distance(nodes.back()) > kNothing_mm) nodes.push_back(p);
-  }
-  if (tube.closed && nodes.size() > 1) nodes.pop_back();
-  const opencascade::handle<TColgp_HArray1OfPnt> points = new TColgp_HArray1OfPnt(1, static_cast<int>(nodes.size()));
-  for (std::size_t i = 0; i < nodes.size(); ++i) points->SetValue(static_cast<int>(i) + 1, nodes[i]);
-  GeomAPI_Interpolate spline(points, tube.closed, kNothing_mm);
-  spline.Perform();
-  const opencascade::handle<Geom_BSplineCurve> curve = spline.Curve();
-  const double radius_mm = kMillimetres * tube.radius_m;
-  if (tube.closed) return closed_sweep(curve, radius_mm);
-  return swept(curve, curve->FirstParameter(), curve->LastParameter(), radius_mm);
-}
-
-/// Closed, and as large as a swept circle: its area times the way of its centre (Pappus).
-bool is_sound(const TopoDS_Shape& shape, const Tube& tube) {
+/// Closed, and as large as it should be.
+bool is_sound(const TopoDS_Shape& shape, double expected_mm3) {
   constexpr double kSameVolume = 0.01;
   if (shape.IsNull() || shape.ShapeType() != TopAbs_SOLID || !BRepCheck_Analyzer(shape).IsValid()) return false;
   GProp_GProps properties;
   BRepGProp::VolumeProperties(shape, properties);
-  const double radius_mm = kMillimetres * tube.radius_m;
-  const double expected = std::numbers::pi * radius_mm * radius_mm * kMillimetres * tube.length_m;
-  return std::abs(properties.Mass() - expected) <= kSameVolume * expected;
+  return std::abs(properties.Mass() - expected_mm3) <= kSameVolume * expected_mm3;
 }
 
 /// A bend is tighter than the tube is thick: its surface would pass through itself, which OpenCASCADE does not see.
@@ -180,17 +120,18 @@ std::optional<TopoDS_Shape> solid_of(const Tube& tube, std::string& note) {
     return std::nullopt;
   }
   try {
-    TopoDS_Shape shape;
-    if (ring) {
-      shape = torus_of(*chain, radius_mm);
-    } else if (chain && !tube.closed) {
-      shape = solid_of_chain(*chain, radius_mm);
-    } else {
-      shape = solid_of_nodes(tube);
-      note = fmt::format("tube {}: not all straight and toric: swept along a spline, {:.3f} mm thick throughout",
-                         tube.id, 2.0 * radius_mm);
-    }
-    if (is_sound(shape, tube)) return shape;
+    // A chain that is not as long as the line is not the tube: one called straight may bend.
+    const double expected_mm3 = volume_mm3(tube);
+    const bool of_parts = ring || (chain && !tube.closed && tube.node_radius_m.empty());
+    const TopoDS_Shape parts = !of_parts ? TopoDS_Shape()
+                               : ring    ? torus_of(*chain, radius_mm)
+                                         : solid_of_chain(*chain, radius_mm);
+    if (is_sound(parts, expected_mm3)) return parts;
+    const TopoDS_Shape shape = solid_through_nodes(tube);
+    note = fmt::format("tube {}: not all straight and toric: a spline surface through its nodes' sections, {}", tube.id,
+                       tube.node_radius_m.empty() ? fmt::format("{:.3f} mm thick throughout", 2.0 * radius_mm)
+                                                  : "as thick as they are");
+    if (is_sound(shape, expected_mm3)) return shape;
     note = fmt::format("tube {}: is left out: its section, swept along it, makes no valid solid", tube.id);
   } catch (const Standard_Failure& failure) {
     note = fmt::format("tube {}: is left out: OpenCASCADE makes no solid of it ({})", tube.id,

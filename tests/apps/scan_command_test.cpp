@@ -420,13 +420,15 @@ TEST_F(RealScanCommand, ThePulmonaryArteryBranches) {
   EXPECT_EQ(schema_complaints(end.out_lines(), output_.path()), "");
   const auto line = nlohmann::json::parse(end.out);
   ASSERT_TRUE(line.contains("joints"));
-  // The trunk goes on into one branch; the other one leaves from its flank.
-  const auto& parts = line["joints"][0]["tubes"];
-  ASSERT_EQ(parts.size(), 2U);
-  EXPECT_EQ(parts[0]["id"], 2);
-  EXPECT_NE(parts[0]["at"], "flank");
-  EXPECT_EQ(parts[1]["id"], 1);
-  EXPECT_EQ(parts[1]["at"], "flank");
+  // Two of its three arms are one tube; the third leaves from its flank.
+  int branches = 0;
+  for (const auto& joint : line["joints"]) {
+    const auto& parts = joint["tubes"];
+    if (parts.size() == 2 && parts[0]["id"] == 2 && parts[0]["at"] != "flank" && parts[1]["id"] == 1 &&
+        parts[1]["at"] == "flank")
+      ++branches;
+  }
+  EXPECT_EQ(branches, 1);
 }
 
 TEST_F(RealScanCommand, TheLamppostsPoleIsStraight) {

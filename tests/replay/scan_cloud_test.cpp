@@ -191,7 +191,7 @@ TEST(CloudScan, ASensorsFrameIsTurnedTowardTheSensor) {
     for (int u = 0; u < 40; ++u) points.emplace_back(u - 20.0, v - 20.0, 100.0 - 0.02 * ((u - 20) * (u - 20)));
   }
   write_bytes(folder / "a.pcd", pcd_bytes(points, "ascii", nullptr, 40));
-  for (const Surfel& surfel : surfels_of(scan_of(folder / "a.pcd"))) ASSERT_GT(surfel.inward_normal.z(), 0.0F);
+  for (const ScanSurfel& surfel : surfels_of(scan_of(folder / "a.pcd"))) ASSERT_GT(surfel.inward_normal.z(), 0.0F);
 }
 
 TEST(CloudScan, SpacingIsTheMedianNearestNeighbour) {

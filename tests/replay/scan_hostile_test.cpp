@@ -253,7 +253,7 @@ TEST(HostileScans, DamagedFilesAreReadOrRefused) {
       ++read;
       ScanSurfelOptions few;
       few.max_count = 10'000;
-      for (const Surfel& surfel : surfels_of(*scan, few)) ASSERT_TRUE(surfel.inward_normal.allFinite());
+      for (const ScanSurfel& surfel : surfels_of(*scan, few)) ASSERT_TRUE(surfel.inward_normal.allFinite());
     }
     std::printf("%-10s 200 damaged copies: %d read all the same\n", name.c_str(), read);
   }

@@ -21,7 +21,7 @@ constexpr double kPi = std::numbers::pi;
 /// Part of the surfels whose normals point toward the torus' centreline; the piece is in mm.
 double inward_part(const Scan& scan, const TorusPiece& piece) {
   const auto surfels = surfels_of(scan);
-  const auto inward = std::count_if(surfels.begin(), surfels.end(), [&](const Surfel& surfel) {
+  const auto inward = std::count_if(surfels.begin(), surfels.end(), [&](const ScanSurfel& surfel) {
     const Eigen::Vector3d normal = surfel.inward_normal.cast<double>();
     return normal.dot(torus_normal(piece, 1000.0 * (surfel.position_m.cast<double>() + scan.origin_m))) < -0.5;
   });
@@ -90,7 +90,7 @@ TEST(MeshScan, LargeFacesGiveManySurfelsOfTheSameArea) {
   const auto surfels = surfels_of(scan);
   EXPECT_GT(surfels.size(), 10'000U);
   double area_m2 = 0.0;
-  for (const Surfel& surfel : surfels) area_m2 += surfel.weight * scan.grid_step_m * scan.grid_step_m;
+  for (const ScanSurfel& surfel : surfels) area_m2 += surfel.weight * scan.grid_step_m * scan.grid_step_m;
   EXPECT_NEAR(area_m2, 2 * kPi * 0.010 * 0.500, 0.005 * 2 * kPi * 0.010 * 0.500);
   ScanSurfelOptions few;
   few.max_count = 2000;
@@ -220,7 +220,7 @@ TEST(MeshScan, GeoreferencedCoordinatesKeepTheirDigits) {
   EXPECT_THAT(scan.notes, Contains(HasSubstr("coordinates are large: moved by")));
   TorusPiece piece;
   const auto surfels = surfels_of(scan);
-  for (const Surfel& surfel : surfels) {
+  for (const ScanSurfel& surfel : surfels) {
     const Eigen::Vector3d back_mm =
         1000.0 * (surfel.position_m.cast<double>() + scan.origin_m) - Eigen::Vector3d(4.5e8, 5.4e9, 2e5);
     const double flat = std::hypot(back_mm.x(), back_mm.y()) - piece.bend_radius;

@@ -33,9 +33,9 @@ class RealScans : public ::testing::Test {
 };
 
 /// How sharply the surfels' lines meet `radius_m` along their normals: the largest part of all lines in one cell.
-double sharpest_meeting(const std::vector<Surfel>& surfels, double radius_m, double cell_m) {
+double sharpest_meeting(const std::vector<ScanSurfel>& surfels, double radius_m, double cell_m) {
   std::vector<std::array<int, 3>> cells;
-  for (const Surfel& surfel : surfels) {
+  for (const ScanSurfel& surfel : surfels) {
     const Eigen::Vector3f at =
         (surfel.position_m + static_cast<float>(radius_m) * surfel.inward_normal) / static_cast<float>(cell_m);
     cells.push_back({static_cast<int>(std::floor(at.x())), static_cast<int>(std::floor(at.y())),
@@ -55,7 +55,7 @@ TEST_F(RealScans, TubeSectionLooksInwardToItsAxis) {
   EXPECT_EQ(scan.faces.size(), 28438U);
   const auto surfels = surfels_of(scan);
   auto outward = surfels;
-  for (Surfel& surfel : outward) surfel.inward_normal = -surfel.inward_normal;
+  for (ScanSurfel& surfel : outward) surfel.inward_normal = -surfel.inward_normal;
   // Its radius is 6 mm, as in the paper's figure.
   const double in = sharpest_meeting(surfels, 0.006, 0.001), out = sharpest_meeting(outward, 0.006, 0.001);
   std::printf("  lines that meet in one cell of 1 mm: %.0f inward, %.0f outward\n", in, out);
@@ -83,7 +83,7 @@ TEST_F(RealScans, AortaIsTheSameFromBothFormats) {
     const auto surfels = surfels_of(nifti);
     const std::chrono::duration<double> seconds = std::chrono::steady_clock::now() - begin;
     double area_m2 = 0.0;
-    for (const Surfel& surfel : surfels) area_m2 += surfel.weight * nifti.grid_step_m * nifti.grid_step_m;
+    for (const ScanSurfel& surfel : surfels) area_m2 += surfel.weight * nifti.grid_step_m * nifti.grid_step_m;
     std::printf("  %zu surfels in %.2f s, area %.0f cm2\n", surfels.size(), seconds.count(), 1e4 * area_m2);
     EXPECT_GT(surfels.size(), 5000U);
   }
@@ -98,7 +98,7 @@ TEST_F(RealScans, LamppostAndMugCloudsAreInMetres) {
   const Scan mug = timed_scan("clouds/table_scene_mug_stereo_textured.pcd", metres);
   EXPECT_GT(mug.points_m.size(), 50'000U);
   // A sensor's frame: everything is seen from the origin.
-  for (const Surfel& surfel : surfels_of(mug)) ASSERT_GE(surfel.inward_normal.dot(surfel.position_m), -1e-4F);
+  for (const ScanSurfel& surfel : surfels_of(mug)) ASSERT_GE(surfel.inward_normal.dot(surfel.position_m), -1e-4F);
 }
 
 }  // namespace

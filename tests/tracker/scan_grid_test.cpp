@@ -1,6 +1,7 @@
 #include "scan_grid.hpp"
 
 #include <gtest/gtest.h>
+#include <hwy/targets.h>
 
 #include <Eigen/Geometry>
 #include <algorithm>
@@ -19,14 +20,14 @@ namespace {
 constexpr double kRadius_m = 0.01;
 
 /// Points all over a cylinder around the x axis, 0.2 m long.
-std::vector<Surfel> cylinder(int count) {
+std::vector<ScanSurfel> cylinder(int count) {
   std::mt19937 random(7);
   std::uniform_real_distribution<double> unit(0.0, 1.0);
-  std::vector<Surfel> surfels;
+  std::vector<ScanSurfel> surfels;
   for (int i = 0; i < count; ++i) {
     const double angle_rad = 2.0 * std::numbers::pi * unit(random);
     const Eigen::Vector3d outward(0.0, std::cos(angle_rad), std::sin(angle_rad));
-    Surfel surfel;
+    ScanSurfel surfel;
     surfel.position_m = (Eigen::Vector3d(0.2 * unit(random), 0.0, 0.0) + kRadius_m * outward).cast<float>();
     surfel.inward_normal = -outward.cast<float>();
     surfels.push_back(surfel);
@@ -35,9 +36,9 @@ std::vector<Surfel> cylinder(int count) {
 }
 
 TEST(ScanGrid, EverySurfelIsInOneCellAndEveryCellInOneBucket) {
-  const std::vector<Surfel> surfels = cylinder(5000);
+  const std::vector<ScanSurfel> surfels = cylinder(5000);
   std::vector<std::uint32_t> merged_into;
-  const SurfelGrid grid = merged_by_cell(surfels, {}, {}, 0.3 * kRadius_m, merged_into);
+  const SurfelGrid grid = merged_by_cell(surfels, {}, 0.3 * kRadius_m, merged_into);
   ASSERT_EQ(merged_into.size(), surfels.size());
   for (std::size_t i = 0; i < surfels.size(); ++i) {
     ASSERT_LT(merged_into[i], grid.surfels.size());
@@ -54,19 +55,56 @@ TEST(ScanGrid, EverySurfelIsInOneCellAndEveryCellInOneBucket) {
   EXPECT_EQ(next, grid.surfels.size());
 }
 
+TEST(ScanGrid, ManySurfelsThatAreSortedInSharesAreInTheCellsOfTheirPlaces) {
+  const std::vector<ScanSurfel> surfels = cylinder(300'000);
+  std::vector<std::uint32_t> merged_into, of_half;
+  const double cell_m = 0.05 * kRadius_m;
+  const SurfelGrid grid = merged_by_cell(surfels, {}, cell_m, merged_into);
+  EXPECT_TRUE(std::is_sorted(grid.keys.begin(), grid.keys.end()));
+  EXPECT_EQ(std::adjacent_find(grid.keys.begin(), grid.keys.end()), grid.keys.end());
+  for (std::size_t i = 0; i < surfels.size(); ++i)
+    ASSERT_LT((grid.surfels[merged_into[i]].position_m - surfels[i].position_m).norm(), std::sqrt(3.0) * cell_m);
+  // Half of them, which are sorted in one go, share cells as they do among all.
+  std::vector<char> second_half(surfels.size(), 0);
+  std::fill(second_half.begin() + 150'000, second_half.end(), 1);
+  merged_by_cell(surfels, second_half, cell_m, of_half);
+  for (std::size_t i = 1; i < 150'000; ++i)
+    EXPECT_EQ(merged_into[i] == merged_into[i - 1], of_half[i] == of_half[i - 1]);
+}
+
+TEST(ScanGrid, WhereSurfelsAreOnALineDoesNotDependOnTheVectors) {
+  std::vector<std::uint32_t> merged_into;
+  const SurfelGrid grid = merged_by_cell(cylinder(20'000), {}, 0.3 * kRadius_m, merged_into);
+  const ScanLine line = scan_line_along({{-0.02, 0.0, 0.0}, {0.1, 0.002, 0.001}, {0.22, 0.0, 0.0}}, kRadius_m, false);
+  const std::vector<SurfacePoint> best = points_near(grid, {}, line);
+  ASSERT_GT(best.size(), 1000U);
+  for (const std::int64_t target : hwy::SupportedAndGeneratedTargets()) {
+    hwy::SetSupportedTargetsForTest(target);
+    const std::vector<SurfacePoint> points = points_near(grid, {}, line);
+    ASSERT_EQ(points.size(), best.size());
+    for (std::size_t i = 0; i < best.size(); ++i) {
+      EXPECT_EQ(points[i].t, best[i].t) << hwy::TargetName(target);
+      EXPECT_EQ(points[i].surfel, best[i].surfel);
+      EXPECT_EQ(points[i].distance_m, best[i].distance_m);
+      EXPECT_EQ(points[i].inward, best[i].inward);
+    }
+  }
+  hwy::SetSupportedTargetsForTest(0);
+}
+
 TEST(ScanGrid, WhatIsLeftOutIsInNoCell) {
-  const std::vector<Surfel> surfels = cylinder(1000);
+  const std::vector<ScanSurfel> surfels = cylinder(1000);
   std::vector<char> left_out(surfels.size(), 0);
   for (std::size_t i = 0; i < left_out.size(); i += 2) left_out[i] = 1;
   std::vector<std::uint32_t> merged_into;
-  merged_by_cell(surfels, {}, left_out, 0.3 * kRadius_m, merged_into);
+  merged_by_cell(surfels, left_out, 0.3 * kRadius_m, merged_into);
   for (std::size_t i = 0; i < surfels.size(); ++i) EXPECT_EQ(merged_into[i] == kNotMerged, left_out[i] != 0);
 }
 
 TEST(ScanGrid, BucketsInABoxAreAllThatHaveTheirCentreInIt) {
-  const std::vector<Surfel> surfels = cylinder(20000);
+  const std::vector<ScanSurfel> surfels = cylinder(20000);
   std::vector<std::uint32_t> merged_into, numbers;
-  const SurfelGrid grid = merged_by_cell(surfels, {}, {}, 0.05 * kRadius_m, merged_into);
+  const SurfelGrid grid = merged_by_cell(surfels, {}, 0.05 * kRadius_m, merged_into);
   for (const double from_m : {-0.1, 0.0, 0.07, 0.19, 0.3}) {
     const Eigen::AlignedBox3d box(Eigen::Vector3d(from_m, 0.0, -0.02), Eigen::Vector3d(from_m + 0.02, 0.004, 0.02));
     grid.buckets_in(box, numbers);
@@ -79,9 +117,9 @@ TEST(ScanGrid, BucketsInABoxAreAllThatHaveTheirCentreInIt) {
 }
 
 TEST(ScanGrid, MeansOfCellsKnowHowFarTheCurvedSurfaceStandsOutOverThem) {
-  const std::vector<Surfel> surfels = cylinder(40000);
+  const std::vector<ScanSurfel> surfels = cylinder(40000);
   std::vector<std::uint32_t> merged_into;
-  const SurfelGrid grid = merged_by_cell(surfels, {}, {}, 0.4 * kRadius_m, merged_into);
+  const SurfelGrid grid = merged_by_cell(surfels, {}, 0.4 * kRadius_m, merged_into);
   const ScanLine line = scan_line_along({{-0.05, 0.0, 0.0}, {0.25, 0.0, 0.0}}, kRadius_m, false);
   double means_m = 0.0, surface_m = 0.0, worst_m = 0.0;
   const std::vector<SurfacePoint> points = points_near(grid, {}, line);

@@ -1,6 +1,7 @@
 #include "tubetrack/tracker/scan_tubes.hpp"
 
 #include <gmock/gmock.h>
+#include <hwy/targets.h>
 
 #include <Eigen/Geometry>
 #include <algorithm>
@@ -230,10 +231,10 @@ TEST(ScanTubes, AYIsThreeTubesOrTwoThatMeetAtOneJoint) {
 
 TEST(ScanTubes, WhatIsNoTubeIsNone) {
   // A plate, and a box edge.
-  std::vector<Surfel> surfels;
+  std::vector<ScanSurfel> surfels;
   for (int i = 0; i < 100; ++i) {
     for (int k = 0; k < 100; ++k) {
-      Surfel flat;
+      ScanSurfel flat;
       flat.position_m = {0.001F * static_cast<float>(i), 0.001F * static_cast<float>(k), 0.0F};
       flat.inward_normal = -Eigen::Vector3f::UnitZ();
       surfels.push_back(flat);
@@ -257,6 +258,21 @@ TEST(ScanTubes, ConfigurationIsCheckedByName) {
   EXPECT_TRUE(validate(config));
   config.radius_min_m = 0.2;
   EXPECT_THAT(validate(config).error().message, HasSubstr("radius_max_m: 0.1, takes metres, above radius_min_m"));
+}
+
+TEST(ScanTubes, TheSameBytesWithEveryVectorLength) {
+  const Scan scan = voxels_of_tube(lying_tube(), {4.9 * kStep_m, kStep_m});
+  const TubeFrame best = tubes_of(scan);
+  ASSERT_EQ(best.tubes.size(), 1U);
+  for (const std::int64_t target : hwy::SupportedAndGeneratedTargets()) {
+    hwy::SetSupportedTargetsForTest(target);
+    const TubeFrame frame = tubes_of(scan);
+    ASSERT_EQ(frame.tubes.size(), 1U) << hwy::TargetName(target);
+    EXPECT_EQ(frame.tubes[0].centerline_m, best.tubes[0].centerline_m) << hwy::TargetName(target);
+    EXPECT_EQ(frame.tubes[0].radius_m, best.tubes[0].radius_m) << hwy::TargetName(target);
+    EXPECT_EQ(frame.tubes[0].sigma_m, best.tubes[0].sigma_m) << hwy::TargetName(target);
+  }
+  hwy::SetSupportedTargetsForTest(0);
 }
 
 }  // namespace

@@ -5,26 +5,13 @@
 #include <cmath>
 #include <utility>
 
+#include "shape_priors.hpp"
 #include "stretch_sums.hpp"
 #include "tubetrack/tracker/recycled.hpp"
 
 namespace tubetrack {
 
 namespace {
-
-/// σ of the centreline's third difference where nothing happens, of that where a straight meets a bend of radius 5 R.
-constexpr double kCalmThird = 0.05;
-
-double inverse_square(double sigma) {
-  return 1.0 / (sigma * sigma);
-}
-
-double mean_spacing_m(const Spline& spline) {
-  const auto& q = spline.control_m;
-  double sum = 0.0;
-  for (std::size_t k = 0; k + 1 < q.size(); ++k) sum += (q[k + 1] - q[k]).norm();
-  return sum / static_cast<double>(q.size() - 1);
-}
 
 /// Adds the prior that a combination of neighbouring control points, `first` on, is zero: `weight` is the inverse of
 /// its covariance.
@@ -55,38 +42,17 @@ std::pair<std::size_t, std::size_t> informed_range(const NormalEquations& eq) {
   return {first, last};
 }
 
-/// The third difference is zero on straights and arcs alike, so this smooths without pulling bends inward; moving
-/// points along the tube changes nothing that is seen, so that is held, and their spacing kept even.
 void add_priors(const TubeModel& model, double suppleness, NormalEquations& eq) {
-  const auto& q = model.spline.control_m;
-  const double spacing = mean_spacing_m(model.spline);
-  // Where a straight meets the tightest usual bend (radius 5 R), the third difference is spacing² / 5 R; elsewhere it
-  // is nearly none. So its distribution has long tails (Cauchy's, by reweighting): few large ones cost less than many
-  // small ones. An end that nothing observes goes on as it comes; with long tails a kink in it would stay.
   const auto [first, last] = informed_range(eq);
-  const double third_sigma = kCalmThird * suppleness * spacing * spacing / (5.0 * model.radius_m);
-  for (std::size_t k = 0; k + 3 < q.size(); ++k) {
-    const double third = (q[k + 3] - q[k] + 3.0 * (q[k + 1] - q[k + 2])).norm();
-    const double far = k >= first && k + 3 <= last ? third / (3.0 * third_sigma) : 0.0;
-    const double weight = inverse_square(third_sigma) / (1.0 + far * far);
-    add_prior<4>(q, k, {-1.0, 3.0, -3.0, 1.0}, weight * Eigen::Matrix3d::Identity(), eq);
-  }
-  // A bend of radius 3 R is one σ: too weak to matter where the surface is seen, enough to hold what is not.
-  const double second_weight = inverse_square(suppleness * spacing * spacing / (3.0 * model.radius_m));
-  const double even_weight = inverse_square(0.02 * spacing);
-  for (std::size_t k = 0; k + 2 < q.size(); ++k) {
-    const Eigen::Vector3d along = (q[k + 2] - q[k]).normalized();
-    const Eigen::Matrix3d weight =
-        second_weight * Eigen::Matrix3d::Identity() + even_weight * along * along.transpose();
-    add_prior<3>(q, k, {1.0, -2.0, 1.0}, weight, eq);
-  }
-  for (std::size_t k = 0; k < q.size(); ++k) {
-    const Eigen::Vector3d along = (q[std::min(k + 1, q.size() - 1)] - q[k > 0 ? k - 1 : 0]).normalized();
-    const auto at = static_cast<Eigen::Index>(3 * k);
-    eq.matrix.block<3, 3>(at, at) += inverse_square(0.03 * spacing) * along * along.transpose();
-    // A faint hold on everything keeps ends that nothing observes from running away.
-    eq.matrix.block<3, 3>(at, at).diagonal().array() += 1e-3 * inverse_square(model.radius_m);
-  }
+  shape_priors(
+      model, suppleness, first, last,
+      [&](std::size_t k, const auto& factors, const Eigen::Matrix3d& weight) {
+        add_prior(model.spline.control_m, k, factors, weight, eq);
+      },
+      [&](std::size_t k, const Eigen::Matrix3d& weight) {
+        const auto at = static_cast<Eigen::Index>(3 * k);
+        eq.matrix.block<3, 3>(at, at) += weight;
+      });
 }
 
 }  // namespace

@@ -58,12 +58,13 @@ ChainPointSet points_of(const ScanTube& tube, const SurfelGrid& grid, double sca
   const double begin_m = length_at(tube.evidence.t_begin);
   ChainPointSet set;
   for (std::size_t i = 0; i < near.size(); i += stride) {
-    const Surfel& surfel = grid.surfels[near[i].surfel];
-    set.points_m.emplace_back(surfel.position_m.cast<double>() - near[i].lift_m * near[i].inward);
+    const CellSurfel& surfel = grid.surfels[near[i].surfel];
+    set.points_m.emplace_back((surfel.position_m - near[i].lift_m * near[i].inward).cast<double>());
     set.area.push_back(std::max(1e-3, static_cast<double>(surfel.weight)));
     set.foot_m.push_back(length_at(near[i].t) - begin_m);
     set.sum_area += set.area.back();
-    set.line_cost += set.area.back() * robust_cost(near[i].distance_m - tube.line.model.radius_m, scale_m);
+    set.line_cost +=
+        set.area.back() * robust_cost(static_cast<double>(near[i].distance_m) - tube.line.model.radius_m, scale_m);
   }
   return set;
 }

@@ -85,7 +85,7 @@ std::pair<std::size_t, std::size_t> best_run(const std::vector<ScanStation>& sta
 
 /// What is looked at, and how.
 struct Look {
-  std::span<const Surfel> surfels;
+  std::span<const CellSurfel> surfels;
   const std::vector<SurfacePoint>& points;
   double radius_m = 0.0;
   double agree_m = 0.0;           ///< how far off a surfel that agrees is at most
@@ -96,11 +96,12 @@ struct Look {
     return std::min(static_cast<std::size_t>(point.t / station_spans), axes.size() - 1);
   }
   bool agrees(const SurfacePoint& point) const {
-    return point.facing >= kAgreeFacing && std::abs(point.distance_m - radius_m) <= agree_m;
+    return static_cast<double>(point.facing) >= kAgreeFacing &&
+           std::abs(static_cast<double>(point.distance_m) - radius_m) <= agree_m;
   }
 };
 
-Look look_along(std::span<const Surfel> surfels, const std::vector<SurfacePoint>& points, const ScanLine& line,
+Look look_along(std::span<const CellSurfel> surfels, const std::vector<SurfacePoint>& points, const ScanLine& line,
                 double scale_m, const std::vector<ScanStation>& stations) {
   const double radius_m = line.model.radius_m;
   return {surfels,
@@ -119,7 +120,7 @@ TubeEnd end_at(const Look& look, std::size_t station, bool front, double spacing
     const std::size_t at = look.station_of(point);
     const std::size_t inward = front ? at - station : station - at;  // wraps to a large number beyond the end
     if (inward >= kStations || !look.agrees(point)) continue;
-    const int bin = bin_of(angle_of(-point.inward, look.axes[at]));
+    const int bin = bin_of(angle_of(-point.inward.cast<double>(), look.axes[at]));
     (inward < kOuter ? outer : inner)
         .push_back({point.t, look.surfels[point.surfel].weight, bin * kEndSectors / kBins});
   }
@@ -197,17 +198,17 @@ Sections gather(const Look& look, double spacing_m, std::vector<ScanStation>& st
   const double half_rad = std::min(0.75 * spacing_m / look.radius_m, 0.4);
   for (const SurfacePoint& point : look.points) {
     const std::size_t at = look.station_of(point);
-    const Surfel& surfel = look.surfels[point.surfel];
+    const CellSurfel& surfel = look.surfels[point.surfel];
     const double weight = surfel.weight;
     stations[at].facing += weight;
     if (!look.agrees(point)) continue;
     stations[at].agree += weight;
-    stations[at].radius_m += weight * point.distance_m;
-    const double place_rad = angle_of(-point.inward, look.axes[at]);
+    const double distance_m = point.distance_m;
+    stations[at].radius_m += weight * distance_m;
+    const double place_rad = angle_of(-point.inward.cast<double>(), look.axes[at]);
     sections.by_place[at] |= bins_around(place_rad, half_rad);
     sections.by_normal[at] |= bins_around(angle_of(-surfel.inward_normal.cast<double>(), look.axes[at]), half_rad);
-    sections.radii[at][static_cast<std::size_t>(bin_of(place_rad))] +=
-        {1.0, point.distance_m, point.distance_m * point.distance_m};
+    sections.radii[at][static_cast<std::size_t>(bin_of(place_rad))] += {1.0, distance_m, distance_m * distance_m};
     sections.agreeing[at] += 1.0;
   }
   for (ScanStation& station : stations) {
@@ -252,7 +253,7 @@ void sum_up(std::size_t first, std::size_t last, ScanEvidence& evidence) {
 
 }  // namespace
 
-ScanEvidence look_at(std::span<const Surfel> surfels, const std::vector<SurfacePoint>& points, const ScanLine& line,
+ScanEvidence look_at(std::span<const CellSurfel> surfels, const std::vector<SurfacePoint>& points, const ScanLine& line,
                      double spacing_m, double scale_m, double min_arc_rad) {
   ScanEvidence evidence;
   const Spline& spline = line.model.spline;
@@ -276,7 +277,7 @@ ScanEvidence look_at(std::span<const Surfel> surfels, const std::vector<SurfaceP
   return evidence;
 }
 
-void look_at_ends(std::span<const Surfel> surfels, const ScanLine& line, double spacing_m, double scale_m,
+void look_at_ends(std::span<const ScanSurfel> surfels, const ScanLine& line, double spacing_m, double scale_m,
                   ScanEvidence& evidence) {
   const auto [first, last] = best_run(evidence.stations);
   if (first > last) return;
@@ -284,8 +285,8 @@ void look_at_ends(std::span<const Surfel> surfels, const ScanLine& line, double 
   const double reach_m = 4.0 * line.model.radius_m;
   const std::array<Eigen::Vector3d, 2> ends_m{point_at(line.model.spline, evidence.t_begin),
                                               point_at(line.model.spline, evidence.t_end)};
-  std::vector<Surfel> near;
-  for (const Surfel& surfel : surfels) {
+  std::vector<ScanSurfel> near;
+  for (const ScanSurfel& surfel : surfels) {
     const Eigen::Vector3d place_m = surfel.position_m.cast<double>();
     if ((place_m - ends_m[0]).squaredNorm() < reach_m * reach_m ||
         (place_m - ends_m[1]).squaredNorm() < reach_m * reach_m)
@@ -294,10 +295,16 @@ void look_at_ends(std::span<const Surfel> surfels, const ScanLine& line, double 
   // Hardly any of them is taken together with another.
   constexpr double kApart = 0.05;
   std::vector<std::uint32_t> merged_into;
-  const SurfelGrid grid = merged_by_cell(near, {}, {}, kApart * spacing_m, merged_into);
+  const SurfelGrid grid = merged_by_cell(near, {}, kApart * spacing_m, merged_into);
   const std::vector<SurfacePoint> points = points_near(grid, {}, line);
   set_stretch(look_along(grid.surfels, points, line, scale_m, evidence.stations), first, last, line, spacing_m,
               evidence);
+}
+
+bool is_certain(const ScanEvidence& evidence) {
+  constexpr double kAgree = 0.9, kScatterRadii = 0.02, kScatterSpacings = 0.4;
+  return evidence.support > kAgree &&
+         evidence.scale_radii < std::max(kScatterRadii, kScatterSpacings * evidence.spacing_radii);
 }
 
 std::optional<std::string> why_no_scan_tube(const ScanEvidence& evidence, double radius_m,

@@ -35,13 +35,17 @@ struct ScanEvidence {
 };
 
 /// `spacing_m`: how far apart the surfels are; `scale_m`: how much they err.
-ScanEvidence look_at(std::span<const Surfel> surfels, const std::vector<SurfacePoint>& points, const ScanLine& line,
+ScanEvidence look_at(std::span<const CellSurfel> surfels, const std::vector<SurfacePoint>& points, const ScanLine& line,
                      double spacing_m, double scale_m, double min_arc_rad);
 
 /// The ends of the seen stretch once more, by all surfels of the scan near them: the mean of a cell does not tell where
 /// in it the surface ends. Arguments as `look_at`'s, which made the evidence.
-void look_at_ends(std::span<const Surfel> surfels, const ScanLine& line, double spacing_m, double scale_m,
+void look_at_ends(std::span<const ScanSurfel> surfels, const ScanLine& line, double spacing_m, double scale_m,
                   ScanEvidence& evidence);
+
+/// Beyond doubt: nearly all that is near agrees, and closely. The surfels of such a tube are not looked at again for
+/// other radii.
+bool is_certain(const ScanEvidence& evidence);
 
 /// DESIGN section 2, "A tube": long, round and enough of it seen. The reason when it is none.
 std::optional<std::string> why_no_scan_tube(const ScanEvidence& evidence, double radius_m,

@@ -5,6 +5,8 @@
 #include <cmath>
 #include <cstdint>
 
+#include "scan_step.hpp"
+
 namespace tubetrack {
 
 namespace {
@@ -54,15 +56,17 @@ struct Observed {
   double scale_m = 0.0;
   double per_area = 1.0;
 
-  Observation at(std::uint32_t i) const {
-    constexpr double kTuning = 3.0;  // a residual of 3 σ counts a quarter
+  Eigen::Vector3d point_m(std::uint32_t i) const {
     const SurfacePoint& point = points[i];
-    const Surfel& surfel = grid.surfels[point.surfel];
-    const double far = (point.distance_m - radius_m) / (kTuning * scale_m);
-    const double area = std::max(1e-3, per_area * static_cast<double>(surfel.weight));
-    // The weight is 1/σ²: the robust one is (1 + far²)⁻².
-    const double sigma_m = scale_m * (1.0 + far * far) / std::sqrt(area);
-    return {surfel.position_m.cast<double>() - point.lift_m * point.inward, point.inward, sigma_m, point.t};
+    return grid.surfels[point.surfel].position_m.cast<double>() - (point.lift_m * point.inward).cast<double>();
+  }
+  /// 1/σ²: with the robust one, (1 + far²)⁻².
+  double weight(std::uint32_t i) const {
+    constexpr double kTuning = 3.0;  // a residual of 3 σ counts a quarter
+    const double far = (static_cast<double>(points[i].distance_m) - radius_m) / (kTuning * scale_m);
+    const double area = std::max(1e-3, per_area * static_cast<double>(grid.surfels[points[i].surfel].weight));
+    const double sigma_m = scale_m * (1.0 + far * far);
+    return area / (sigma_m * sigma_m);
   }
 };
 
@@ -74,7 +78,7 @@ Observed observed_of(const SurfelGrid& grid, const std::vector<SurfacePoint>& po
   // area. Those of less than a grid step's square share their points with their neighbours.
   double sum_area = 0.0;
   for (const SurfacePoint& point : points) {
-    residuals_m.push_back(std::abs(point.distance_m - radius_m));
+    residuals_m.push_back(std::abs(static_cast<double>(point.distance_m) - radius_m));
     sum_area += grid.surfels[point.surfel].weight;
   }
   const auto count = static_cast<double>(points.size());
@@ -116,15 +120,26 @@ std::vector<std::vector<std::uint32_t>> sorted_into(const std::vector<Stretch>& 
   return parts;
 }
 
-std::vector<Observation> observations_in(const Stretch& stretch, const std::vector<std::uint32_t>& part,
-                                         const Observed& observed) {
-  std::vector<Observation> observations;
-  observations.reserve(part.size());
+/// By the stretches of the window's spline.
+SortedObservations observations_in(const Stretch& stretch, const std::vector<std::uint32_t>& part,
+                                   const Observed& observed, const Spline& spline) {
+  const std::size_t stretches = (spline.control_m.size() - 3) * kStretchesPerSpan;
+  const auto place_of = [&](std::uint32_t k) {
+    return stretch_of(observed.points[k].t - static_cast<double>(stretch.begin), stretches);
+  };
+  RecycledVector<std::size_t> next(stretches, 0);
+  for (const std::uint32_t k : part) ++next[place_of(k)];
+  SortedObservations sorted;
+  make_room(spline, next, sorted);
   for (const std::uint32_t k : part) {
-    observations.push_back(observed.at(k));
-    observations.back().t -= stretch.begin;
+    const std::size_t place = place_of(k);
+    const std::size_t span = place / kStretchesPerSpan;
+    const double s = std::clamp(observed.points[k].t - static_cast<double>(stretch.begin), 0.0, spline.spans());
+    const Eigen::Vector3d from_origin_m = observed.point_m(k) - sorted.origin_m[span];
+    put(from_origin_m.cast<float>(), observed.points[k].inward, static_cast<float>(observed.weight(k)),
+        static_cast<float>(s - static_cast<double>(span)), next[place]++, sorted);
   }
-  return observations;
+  return sorted;
 }
 
 TubeModel window_of(const TubeModel& model, const Stretch& stretch) {
@@ -163,8 +178,9 @@ double pooled_radius_m(const ScanLine& line, const std::vector<Stretch>& stretch
   free.gauss_newton_steps = 1;
   for (std::size_t i = 0; i < stretches.size(); ++i) {
     TubeModel window = window_of(line.model, stretches[i]);
-    const std::vector<Observation> observations = observations_in(stretches[i], parts[i], observed);
-    if (const auto quality = fit_tube(window, observations, free)) mean.add(window.radius_m, quality->radius_sigma_m);
+    const SortedObservations observations = observations_in(stretches[i], parts[i], observed, window.spline);
+    if (const auto quality = fit_scan_stretch(window, observations, free))
+      mean.add(window.radius_m, quality->radius_sigma_m);
   }
   sigma_m = mean.sigma_m();
   return mean.radius_m();
@@ -197,7 +213,8 @@ bool fit_windows(ScanLine& line, const Observed& observed, const ScanFitOptions&
   fit.windows.clear();
   for (std::size_t i = 0; i < stretches.size(); ++i) {
     TubeModel window = window_of(line.model, stretches[i]);
-    const auto quality = fit_tube(window, observations_in(stretches[i], parts[i], observed), fit_options);
+    auto quality =
+        fit_scan_stretch(window, observations_in(stretches[i], parts[i], observed, window.spline), fit_options);
     if (!quality && whole) return false;
     if (!quality) continue;  // nothing is seen of it: it stays as it was traced
     if (whole) {
@@ -208,7 +225,7 @@ bool fit_windows(ScanLine& line, const Observed& observed, const ScanFitOptions&
     take_core(stretches[i], window.spline, fitted.spline);
     fit.windows.push_back({static_cast<std::size_t>(stretches[i].begin), 1.0 * stretches[i].core_begin,
                            1.0 * stretches[i].core_end, std::move(window.spline),
-                           want_covariance ? Eigen::MatrixXd(quality->covariance) : Eigen::MatrixXd()});
+                           want_covariance ? std::move(quality->covariance) : BandMatrix()});
   }
   line.model = std::move(fitted);
   if (own_radii && !fit.windows.empty()) {

@@ -5,6 +5,7 @@
 #include <span>
 #include <vector>
 
+#include "band_solver.hpp"
 #include "scan_grid.hpp"
 #include "tubetrack/tracker/fit.hpp"
 
@@ -25,12 +26,12 @@ ScanLine scan_line_along(const std::vector<Eigen::Vector3d>& polyline_m, double 
 
 /// A surfel near a tube and where on it.
 struct SurfacePoint {
+  double t = 0.0;  ///< its foot on the centreline
   std::uint32_t surfel = 0;
-  double t = 0.0;                                     ///< its foot on the centreline
-  double lift_m = 0.0;                                ///< the surface lies so far outward of the surfel, a mean
-  double distance_m = 0.0;                            ///< of the surface from the centreline
-  Eigen::Vector3d inward = Eigen::Vector3d::UnitX();  ///< unit, from the point to its foot
-  double facing = 0.0;                                ///< cosine between that and the surfel's inward normal
+  float lift_m = 0.0F;                                ///< the surface lies so far outward of the surfel, a mean
+  float distance_m = 0.0F;                            ///< of the surface from the centreline
+  Eigen::Vector3f inward = Eigen::Vector3f::UnitX();  ///< unit, from the point to its foot
+  float facing = 0.0F;                                ///< cosine between that and the surfel's inward normal
 };
 
 /// The surfels that belong to a tube (paper, section 2.3): those whose nearest node has them within half a step along
@@ -47,7 +48,7 @@ struct FitWindow {
   double t_begin = 0.0;  ///< the stretch that it speaks for, in spans of the whole line
   double t_end = 0.0;
   Spline spline;
-  Eigen::MatrixXd covariance;
+  BandMatrix covariance;
 };
 
 struct ScanFit {

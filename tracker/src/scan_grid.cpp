@@ -34,55 +34,83 @@ Cell cell_of(const Eigen::Vector3f& position_m, double per_cell) {
   return cell;
 }
 
-/// By key, equal ones in the order that they came in: counted out, eleven bits at a time. With std::sort two of the
-/// scans of docs/paper.md miss their time.
-void sort_by_key(std::vector<CellMember>& members, int bits) {
-  constexpr int kDigit = 11;
-  std::vector<CellMember> sorted(members.size());
-  for (int shift = 0; shift < bits; shift += kDigit) {
-    std::array<std::uint32_t, (1 << kDigit) + 1> next{};
-    const auto digit = [shift](const CellMember& member) {
-      return static_cast<std::size_t>(member.key >> shift) & ((1 << kDigit) - 1);
+/// By key, equal ones in the order that they came in: counted out, some dozen bits at a time. With std::sort two of the
+/// scans of docs/paper.md miss their time. `spare` is for what is sorted in between.
+void sort_by_key(int bits, std::vector<CellMember>& members, std::vector<CellMember>& spare) {
+  constexpr int kMostDigit = 13;
+  const int rounds = (bits + kMostDigit - 1) / kMostDigit, digit_bits = (bits + rounds - 1) / rounds;
+  spare.resize(members.size());
+  for (int shift = 0; shift < bits; shift += digit_bits) {
+    std::array<std::uint32_t, (1 << kMostDigit) + 1> next{};
+    const auto digit = [=](const CellMember& member) {
+      return static_cast<std::size_t>(member.key >> shift) & ((std::size_t{1} << digit_bits) - 1);
     };
     for (const CellMember& member : members) ++next[digit(member) + 1];
     for (std::size_t i = 1; i < next.size(); ++i) next[i] += next[i - 1];
-    for (const CellMember& member : members) sorted[next[digit(member)]++] = member;
-    members.swap(sorted);
+    for (const CellMember& member : members) spare[next[digit(member)]++] = member;
+    members.swap(spare);
   }
 }
 
-/// Surfels by the cell they are in, and how many bits tell cells apart.
-std::vector<CellMember> members_of_cells(std::span<const Surfel> surfels, std::span<const char> left_out, double cell_m,
-                                         Cell& first_bucket, Cell& bits) {
-  const double per_cell = 1.0 / cell_m;
-  const auto is_in = [&](std::size_t i) { return left_out.empty() || left_out[i] == 0; };
-  std::size_t count = 0;
-  Eigen::AlignedBox3f box;
-  for (std::size_t i = 0; i < surfels.size(); ++i) {
-    if (!is_in(i)) continue;
-    ++count;
-    box.extend(surfels[i].position_m);
-  }
-  std::vector<CellMember> members;
-  if (count == 0) return members;
-  const Cell low = cell_of(box.min(), per_cell), high = cell_of(box.max(), per_cell);
-  for (std::size_t axis = 0; axis < 3; ++axis) {
-    first_bucket[axis] = low[axis] >> kBucketBits;
-    bits[axis] = std::bit_width(static_cast<std::uint32_t>((high[axis] >> kBucketBits) - first_bucket[axis]));
-  }
-  members.reserve(count);
-  for (std::size_t i = 0; i < surfels.size(); ++i) {
-    if (!is_in(i)) continue;
-    const Cell cell = cell_of(surfels[i].position_m, per_cell);
+/// How places become keys.
+struct CellKeys {
+  double per_cell = 1.0;
+  Cell first_bucket{}, bits{};  // as SurfelGrid has them
+
+  int all_bits() const { return bits[0] + bits[1] + bits[2] + kFineBits; }
+  std::uint64_t of(const Eigen::Vector3f& position_m) const {
+    const Cell cell = cell_of(position_m, per_cell);
     std::uint64_t bucket = 0, fine = 0;
     for (std::size_t axis = 3; axis-- > 0;) {
       bucket = bucket << bits[axis] | static_cast<std::uint64_t>((cell[axis] >> kBucketBits) - first_bucket[axis]);
       fine = fine << kBucketBits | static_cast<std::uint64_t>(cell[axis] & ((1 << kBucketBits) - 1));
     }
-    members.push_back({bucket << kFineBits | fine, static_cast<std::uint32_t>(i)});
+    return bucket << kFineBits | fine;
   }
-  sort_by_key(members, bits[0] + bits[1] + bits[2] + kFineBits);
-  return members;
+};
+
+CellKeys keys_of(const Eigen::AlignedBox3f& box, double cell_m) {
+  CellKeys keys{1.0 / cell_m};
+  const Cell low = cell_of(box.min(), keys.per_cell), high = cell_of(box.max(), keys.per_cell);
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    keys.first_bucket[axis] = low[axis] >> kBucketBits;
+    keys.bits[axis] = static_cast<int>(
+        std::bit_width(static_cast<std::uint32_t>((high[axis] >> kBucketBits) - keys.first_bucket[axis])));
+  }
+  return keys;
+}
+
+/// Numbers of surfels in shares of whole cells, by key from one share to the next, so that not all have to be sorted at
+/// once: what a large scan's take then is a few megabytes.
+struct Shares {
+  std::vector<std::uint32_t> surfels;  // empty where one share holds all
+  std::vector<std::size_t> ends;
+};
+
+template <typename AnySurfel>
+Shares shares_of(std::span<const AnySurfel> surfels, std::span<const char> left_out, const CellKeys& keys,
+                 std::size_t count) {
+  constexpr std::size_t kShare = 1 << 17;
+  constexpr int kBits = 16;
+  Shares shares;
+  if (count <= 2 * kShare) return shares;
+  const int shift = std::max(0, keys.all_bits() - kBits);
+  std::vector<std::uint32_t> next((std::size_t{1} << kBits) + 1, 0);
+  for (std::size_t i = 0; i < surfels.size(); ++i) {
+    if (left_out.empty() || left_out[i] == 0) ++next[(keys.of(surfels[i].position_m) >> shift) + 1];
+  }
+  std::size_t begin = 0;
+  for (std::size_t i = 1; i < next.size(); ++i) {
+    next[i] += next[i - 1];
+    if (next[i] - begin < kShare && i + 1 < next.size()) continue;
+    shares.ends.push_back(begin = next[i]);
+  }
+  shares.surfels.resize(count);
+  for (std::size_t i = 0; i < surfels.size(); ++i) {
+    if (left_out.empty() || left_out[i] == 0)
+      shares.surfels[next[keys.of(surfels[i].position_m) >> shift]++] = static_cast<std::uint32_t>(i);
+  }
+  return shares;
 }
 
 Eigen::Vector3d center_of_bucket(std::uint64_t key, const SurfelGrid& grid) {
@@ -108,25 +136,34 @@ struct SpreadSums {
   }
 };
 
+const SurfelSpread* spread_of(const ScanSurfel& /*surfel*/) {
+  return nullptr;
+}
+
+const SurfelSpread* spread_of(const CellSurfel& surfel) {
+  return &surfel.spread;
+}
+
 /// Weight 0 where the surfels cancel out.
-Surfel mean_of(std::span<const Surfel> surfels, std::span<const SurfelSpread> spreads,
-               std::span<const CellMember> members, SurfelSpread& spread) {
-  Surfel mean = surfels[members.front().surfel];
-  spread = spreads.empty() ? SurfelSpread{} : spreads[members.front().surfel];
+template <typename AnySurfel>
+CellSurfel mean_of(std::span<const AnySurfel> surfels, std::span<const CellMember> members) {
+  const AnySurfel& first = surfels[members.front().surfel];
+  CellSurfel mean{first.position_m, first.inward_normal, first.weight};
+  if (const SurfelSpread* own = spread_of(first)) mean.spread = *own;
   if (members.size() == 1) return mean;
-  const Eigen::Vector3d origin_m = mean.position_m.cast<double>();
+  const Eigen::Vector3d origin_m = mean.position_m.template cast<double>();
   Eigen::Vector3d position_m = Eigen::Vector3d::Zero(), normal = Eigen::Vector3d::Zero();
   double weight = 0.0;
   SpreadSums products;
   for (const CellMember& member : members) {
-    const Surfel& surfel = surfels[member.surfel];
+    const AnySurfel& surfel = surfels[member.surfel];
     const double own = surfel.weight;
-    const Eigen::Vector3d off_m = surfel.position_m.cast<double>() - origin_m;
+    const Eigen::Vector3d off_m = surfel.position_m.template cast<double>() - origin_m;
     position_m += own * off_m;
-    normal += own * surfel.inward_normal.cast<double>();
+    normal += own * surfel.inward_normal.template cast<double>();
     products.add(own, off_m);
-    if (!spreads.empty()) {
-      for (std::size_t k = 0; k < spread.size(); ++k) products.sums[k] += own * spreads[member.surfel][k];
+    if (const SurfelSpread* spread = spread_of(surfel)) {
+      for (std::size_t k = 0; k < spread->size(); ++k) products.sums[k] += own * (*spread)[k];
     }
     weight += own;
   }
@@ -137,11 +174,82 @@ Surfel mean_of(std::span<const Surfel> surfels, std::span<const SurfelSpread> sp
   }
   position_m /= weight;
   products.add(-weight, position_m);
-  for (std::size_t k = 0; k < spread.size(); ++k) spread[k] = static_cast<float>(products.sums[k] / weight);
+  for (std::size_t k = 0; k < mean.spread.size(); ++k) mean.spread[k] = static_cast<float>(products.sums[k] / weight);
   mean.position_m = (origin_m + position_m).cast<float>();
   mean.inward_normal = (normal / length).cast<float>();
   mean.weight = static_cast<float>(length);
   return mean;
+}
+
+/// One surfel for each key of sorted members, which lie behind all that the grid has.
+template <typename AnySurfel>
+void add_cells(std::span<const AnySurfel> surfels, std::span<const CellMember> members, SurfelGrid& grid,
+               std::vector<std::uint32_t>& merged_into) {
+  for (std::size_t begin = 0, end = 0; begin < members.size(); begin = end) {
+    const std::uint64_t key = members[begin].key;
+    while (end < members.size() && members[end].key == key) ++end;
+    const auto of_cell = members.subspan(begin, end - begin);
+    const CellSurfel mean = mean_of(surfels, of_cell);
+    if (!(mean.weight > 0.0F)) continue;
+    const auto place = static_cast<std::uint32_t>(grid.surfels.size());
+    if (grid.keys.empty() || key >> kFineBits != grid.keys.back()) {
+      grid.keys.push_back(key >> kFineBits);
+      grid.buckets.push_back({center_of_bucket(grid.keys.back(), grid), place, place});
+    }
+    grid.surfels.push_back(mean);
+    grid.buckets.back().end = place + 1;
+    for (const CellMember& member : of_cell) merged_into[member.surfel] = place;
+  }
+}
+
+template <typename AnySurfel>
+SurfelGrid merged(std::span<const AnySurfel> surfels, std::span<const char> left_out, double cell_m,
+                  std::vector<std::uint32_t>& merged_into) {
+  SurfelGrid grid;
+  grid.cell_m = cell_m;
+  merged_into.assign(surfels.size(), kNotMerged);
+  const auto is_in = [&](std::size_t i) { return left_out.empty() || left_out[i] == 0; };
+  std::size_t count = 0;
+  Eigen::AlignedBox3f box;
+  for (std::size_t i = 0; i < surfels.size(); ++i) {
+    if (!is_in(i)) continue;
+    ++count;
+    box.extend(surfels[i].position_m);
+  }
+  if (count == 0) return grid;
+  const CellKeys keys = keys_of(box, cell_m);
+  grid.first_bucket = keys.first_bucket;
+  grid.bits = keys.bits;
+  const Shares shares = shares_of(surfels, left_out, keys, count);
+  std::vector<CellMember> members, spare;
+  const auto add_member = [&](std::size_t i) {
+    members.push_back({keys.of(surfels[i].position_m), static_cast<std::uint32_t>(i)});
+  };
+  const auto add_share = [&] {
+    sort_by_key(keys.all_bits(), members, spare);
+    add_cells(surfels, std::span<const CellMember>(members), grid, merged_into);
+    members.clear();
+  };
+  if (shares.ends.empty()) {
+    members.reserve(count);
+    for (std::size_t i = 0; i < surfels.size(); ++i) {
+      if (is_in(i)) add_member(i);
+    }
+    add_share();
+  }
+  std::size_t begin = 0;
+  for (const std::size_t end : shares.ends) {
+    for (std::size_t i = begin; i < end; ++i) add_member(shares.surfels[i]);
+    add_share();
+    // Growing by doubling would take twice the room of a large grid.
+    if (begin == 0) {
+      constexpr double kMore = 1.1;
+      const double shares_to_come = kMore * static_cast<double>(count) / static_cast<double>(end);
+      grid.surfels.reserve(static_cast<std::size_t>(shares_to_come * static_cast<double>(grid.surfels.size())));
+    }
+    begin = end;
+  }
+  return grid;
 }
 
 }  // namespace
@@ -183,32 +291,13 @@ void SurfelGrid::buckets_in(const Eigen::AlignedBox3d& box, std::vector<std::uin
   }
 }
 
-SurfelGrid merged_by_cell(std::span<const Surfel> surfels, std::span<const SurfelSpread> spread,
-                          std::span<const char> left_out, double cell_m, std::vector<std::uint32_t>& merged_into) {
-  SurfelGrid grid;
-  grid.cell_m = cell_m;
-  merged_into.assign(surfels.size(), kNotMerged);
-  const std::vector<CellMember> members = members_of_cells(surfels, left_out, cell_m, grid.first_bucket, grid.bits);
-  std::uint64_t last_bucket = ~std::uint64_t{0};
-  for (std::size_t begin = 0, end = 0; begin < members.size(); begin = end) {
-    const std::uint64_t key = members[begin].key;
-    while (end < members.size() && members[end].key == key) ++end;
-    const auto of_cell = std::span(members).subspan(begin, end - begin);
-    SurfelSpread of_mean;
-    const Surfel mean = mean_of(surfels, spread, of_cell, of_mean);
-    if (!(mean.weight > 0.0F)) continue;
-    const auto place = static_cast<std::uint32_t>(grid.surfels.size());
-    if (key >> kFineBits != last_bucket) {
-      last_bucket = key >> kFineBits;
-      grid.keys.push_back(last_bucket);
-      grid.buckets.push_back({center_of_bucket(last_bucket, grid), place, place});
-    }
-    grid.surfels.push_back(mean);
-    grid.spread.push_back(of_mean);
-    grid.buckets.back().end = place + 1;
-    for (const CellMember& member : of_cell) merged_into[member.surfel] = place;
-  }
-  return grid;
+SurfelGrid merged_by_cell(std::span<const ScanSurfel> surfels, std::span<const char> left_out, double cell_m,
+                          std::vector<std::uint32_t>& merged_into) {
+  return merged(surfels, left_out, cell_m, merged_into);
+}
+
+SurfelGrid merged_by_cell(std::span<const CellSurfel> surfels, double cell_m, std::vector<std::uint32_t>& merged_into) {
+  return merged(surfels, {}, cell_m, merged_into);
 }
 
 }  // namespace tubetrack

@@ -20,14 +20,21 @@ struct SurfelBucket {
 /// How surfels that were taken together spread around their mean, in m²: xx, xy, xz, yy, yz, zz.
 using SurfelSpread = std::array<float, 6>;
 
+/// What a cell's surfels are taken together as: their means by weight, and how they spread.
+struct CellSurfel {
+  Eigen::Vector3f position_m = Eigen::Vector3f::Zero();
+  Eigen::Vector3f inward_normal = Eigen::Vector3f::UnitZ();
+  float weight = 0.0F;
+  SurfelSpread spread{};
+};
+
 /// One surfel for each cell of a grid, in buckets, so that those near a line are found without looking at all.
 struct SurfelGrid {
   double cell_m = 0.0;
   std::array<std::int32_t, 3> first_bucket{};  ///< along each axis, x first
   std::array<std::int32_t, 3> bits{};          ///< of a bucket's place from there
   std::vector<std::uint64_t> keys;             ///< the buckets' places, x lowest; ascending
-  std::vector<Surfel> surfels;                 ///< bucket by bucket
-  std::vector<SurfelSpread> spread;
+  std::vector<CellSurfel> surfels;             ///< bucket by bucket
   std::vector<SurfelBucket> buckets;
 
   /// From a bucket's centre to its corners.
@@ -41,10 +48,12 @@ inline constexpr std::uint32_t kNotMerged = 0xFFFFFFFF;
 
 /// One surfel for each cell: position and normal are means by weight. What a scan has more of than a vote or a fit
 /// needs is taken together, so that the time depends on the surface alone and a normal is as smooth as the radii that
-/// are looked for allow. Opposite walls of a thin plate in one cell cancel out. `spread`: of the surfels, or empty
-/// where they are of the scan itself. `left_out`: one flag a surfel, or empty. `merged_into` gets the place in the grid
-/// of each.
-SurfelGrid merged_by_cell(std::span<const Surfel> surfels, std::span<const SurfelSpread> spread,
-                          std::span<const char> left_out, double cell_m, std::vector<std::uint32_t>& merged_into);
+/// are looked for allow. Opposite walls of a thin plate in one cell cancel out. `left_out`: one flag a surfel, or
+/// empty. `merged_into` gets the place in the grid of each.
+SurfelGrid merged_by_cell(std::span<const ScanSurfel> surfels, std::span<const char> left_out, double cell_m,
+                          std::vector<std::uint32_t>& merged_into);
+
+/// The same of a finer grid's.
+SurfelGrid merged_by_cell(std::span<const CellSurfel> surfels, double cell_m, std::vector<std::uint32_t>& merged_into);
 
 }  // namespace tubetrack

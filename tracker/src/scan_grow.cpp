@@ -10,6 +10,7 @@ namespace {
 
 constexpr int kMaxRounds = 64;
 constexpr double kLeastScaleSteps = 0.02;
+constexpr double kAllAround_rad = 4.2;  // of a section: it is seen from all sides
 // So far from an octave's radii a seed's may be, and a tube's, which may get thicker or thinner.
 constexpr double kSeedBelow = 0.9, kSeedAbove = 1.1, kTubeBelow = 0.75, kTubeAbove = 1.33;
 
@@ -147,21 +148,21 @@ std::size_t enough(double radius_m, double cell_m) {
 
 }  // namespace
 
-double radius_at_seed(const ScanSurface& surface, const ScanSeed& seed, const Octave& octave,
-                      const ScanTubesConfig& config) {
+bool fit_seed(const ScanSurface& surface, const Octave& octave, const ScanTubesConfig& config, ScanSeed& seed) {
   ScanTube piece;
   piece.line = scan_line_along(seed.line_m, config.radius_m.value_or(seed.radius_m), false);
   ScanFitOptions options = first_options(surface, config);
   options.radius_min_m = kSeedBelow * octave.radius_min_m;
   options.radius_max_m = kSeedAbove * octave.radius_max_m;
-  if (!fit_and_look(surface, config, options, piece)) return 0.0;
-  const double radius_m = piece.line.model.radius_m;
+  if (!fit_and_look(surface, config, options, piece)) return false;
+  seed.radius_m = piece.line.model.radius_m;
   const ScanEvidence& evidence = piece.evidence;
   // Rounded edges and the like; of a section seen all around, which may be an oval, more is let pass.
-  constexpr double kLeastSupport = 0.5, kMostScatter = 0.1, kMostOfStep = 0.5, kAllAround_rad = 4.2;
-  const double most_scatter = std::max(kMostScatter, kMostOfStep * config.grid_step_m / radius_m);
-  if (evidence.arc_rad < kAllAround_rad && evidence.scale_radii > most_scatter) return 0.0;
-  return evidence.support < kLeastSupport ? 0.0 : radius_m;
+  constexpr double kLeastSupport = 0.5, kMostScatter = 0.1, kMostOfStep = 0.5;
+  const double most_scatter = std::max(kMostScatter, kMostOfStep * config.grid_step_m / seed.radius_m);
+  const bool all_around = evidence.arc_rad >= kAllAround_rad;
+  seed.certain = all_around && is_certain(evidence);
+  return (all_around || evidence.scale_radii <= most_scatter) && evidence.support >= kLeastSupport;
 }
 
 bool is_of_octave(double radius_m, const Octave& octave, const ScanTubesConfig& config) {
@@ -182,6 +183,8 @@ std::optional<ScanTube> grow_scan_tube(const ScanSurface& surface, const ScanSee
       options->one_radius = false;
       options->every = enough(tube.line.model.radius_m, surface.grid.cell_m);
     }
+    // Seen from one side, place and radius make up for each other, and take longer to settle.
+    first.rounds = seed.certain ? 2 : 4;
   }
   if (!fit_and_look(surface, config, first, tube)) return std::nullopt;
   if (knot_again(tube) && !fit_and_look(surface, config, again, tube)) return std::nullopt;

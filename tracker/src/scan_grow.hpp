@@ -28,9 +28,9 @@ struct ScanSurface {
 /// A tube of another octave's radii is found by that one's own votes, which lead along all of it.
 bool is_of_octave(double radius_m, const Octave& octave, const ScanTubesConfig& config);
 
-/// The radius of the surface around a seed, by a fit of it; 0 where there is no tube, or none of the octave.
-double radius_at_seed(const ScanSurface& surface, const ScanSeed& seed, const Octave& octave,
-                      const ScanTubesConfig& config);
+/// A fit of the surface around a seed: gives the seed its radius, and says whether it is certain. False where
+/// there is no tube, or none of the octave.
+bool fit_seed(const ScanSurface& surface, const Octave& octave, const ScanTubesConfig& config, ScanSeed& seed);
 
 /// From a seed, whose radius has been fitted, to a tube: fit, cut off what no surfel bears out, go on at both ends
 /// while surfels do; a line whose ends meet is closed. Nothing where there is no tube.

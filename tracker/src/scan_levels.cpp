@@ -18,7 +18,7 @@ std::vector<char> flags_of_finer(const ScanLevel& level, const std::vector<char>
 
 }  // namespace
 
-ScanLevels levels_of(std::span<const Surfel> surfels, const std::vector<Octave>& octaves, double grid_step_m) {
+ScanLevels levels_of(std::span<const ScanSurfel> surfels, const std::vector<Octave>& octaves, double grid_step_m) {
   constexpr double kWholeSteps = 1.1;
   ScanLevels levels{surfels, grid_step_m, {}, 0, std::vector<char>(surfels.size(), 0)};
   std::vector<double> cells_m;
@@ -28,14 +28,12 @@ ScanLevels levels_of(std::span<const Surfel> surfels, const std::vector<Octave>&
   }
   levels.whole = cells_m.size();
   levels.all.resize(cells_m.size());
-  std::span<const Surfel> finer = surfels;
-  std::span<const SurfelSpread> spread;
   for (std::size_t i = cells_m.size(); i-- > 0;) {
     ScanLevel& level = levels.all[i];
-    level.grid = merged_by_cell(finer, spread, {}, cells_m[i], level.merged_into);
+    level.grid = i + 1 == cells_m.size()
+                     ? merged_by_cell(surfels, {}, cells_m[i], level.merged_into)
+                     : merged_by_cell(levels.all[i + 1].grid.surfels, cells_m[i], level.merged_into);
     level.spacing_m = std::max(cells_m[i], grid_step_m);
-    finer = level.grid.surfels;
-    spread = level.grid.spread;
   }
   return levels;
 }
@@ -52,7 +50,7 @@ void go_to_level_of(const Octave& octave, std::vector<std::vector<char>>& certai
         if (flat[i] != 0 || finer[i] != 0) levels.left_out[i] = 1;
       }
       ScanLevel level;
-      level.grid = merged_by_cell(levels.surfels, {}, levels.left_out, octave.cell_m, level.merged_into);
+      level.grid = merged_by_cell(levels.surfels, levels.left_out, octave.cell_m, level.merged_into);
       level.spacing_m = levels.grid_step_m;
       finer.assign(level.grid.surfels.size(), 0);
       levels.all.push_back(std::move(level));

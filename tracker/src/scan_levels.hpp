@@ -20,7 +20,7 @@ struct ScanLevel {
 /// From coarse to fine. Those down to about the grid step hold all of the surface; what is finer says more of small
 /// tubes alone, and holds what may be of one by then.
 struct ScanLevels {
-  std::span<const Surfel> surfels;
+  std::span<const ScanSurfel> surfels;
   double grid_step_m = 0.0;
   std::vector<ScanLevel> all;
   std::size_t whole = 0;       ///< so many hold all of the surface
@@ -28,7 +28,7 @@ struct ScanLevels {
 };
 
 /// The levels that hold all of the surface, at least one, for octaves from the largest on. `surfels` must outlive them.
-ScanLevels levels_of(std::span<const Surfel> surfels, const std::vector<Octave>& octaves, double grid_step_m);
+ScanLevels levels_of(std::span<const ScanSurfel> surfels, const std::vector<Octave>& octaves, double grid_step_m);
 
 /// Goes on to the level of an octave: `certain` has a level's flags of tubes that are beyond doubt, for all so far
 /// (none at first). A level that is finer than those of all of the surface is made without them, and without what is

@@ -11,17 +11,32 @@ namespace tubetrack {
 namespace {
 
 const FitWindow& window_at(const ScanFit& fit, double t) {
-  const auto after =
-      std::find_if(fit.windows.begin(), fit.windows.end(), [t](const FitWindow& window) { return t <= window.t_end; });
+  const auto after = std::lower_bound(fit.windows.begin(), fit.windows.end(), t,
+                                      [](const FitWindow& window, double at) { return window.t_end < at; });
   return after == fit.windows.end() ? fit.windows.back() : *after;
+}
+
+/// Of the centreline's place at t, from that of the window's control points.
+Eigen::Matrix3d covariance_at(const FitWindow& window, double t) {
+  const SplineBasis basis = basis_at(window.spline, t);
+  Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();
+  for (std::size_t i = 0; i < 4; ++i) {
+    for (std::size_t j = 0; j < 4; ++j)
+      covariance += basis.value[i] * basis.value[j] * window.covariance.block(basis.first + i, basis.first + j);
+  }
+  return covariance;
 }
 
 /// Radius at t: of the seen stations within two radii, weighted by what agrees there.
 double radius_near(const ScanEvidence& evidence, double t, double otherwise_m) {
   constexpr double kNearSpans = 2.0 / kKnotSpacingRadii;
   double sum = 0.0, weights = 0.0;
-  for (const ScanStation& station : evidence.stations) {
-    if (!station.seen || std::abs(station.t - t) > kNearSpans) continue;
+  const auto before = [](const ScanStation& station, double at) { return station.t < at; };
+  const auto& stations = evidence.stations;
+  for (auto at = std::lower_bound(stations.begin(), stations.end(), t - kNearSpans, before);
+       at != stations.end() && at->t <= t + kNearSpans; ++at) {
+    const ScanStation& station = *at;
+    if (!station.seen) continue;
     sum += station.agree * station.radius_m;
     weights += station.agree;
   }
@@ -77,7 +92,8 @@ Tube result_of(const ScanTube& found, const SurfelGrid& grid, const ScanTubesCon
       ++station;
     tube.node_visible.push_back(evidence.stations[station].seen);
     const FitWindow& window = window_at(found.fit, t);
-    add_uncertainty(window.spline, window.covariance, t - static_cast<double>(window.first), tube);
+    const double in_window = t - static_cast<double>(window.first);
+    add_place_uncertainty(window.spline, covariance_at(window, in_window), in_window, tube);
   }
   if (tube.closed) tube.centerline_m.back() = tube.centerline_m.front();
   add_node_radii(found, tube);

@@ -20,6 +20,9 @@ constexpr int kMinVotes = 6 * kVotesPerCell;
 constexpr int kMaxFailures = 64;  // of the seeds of one octave
 // Cells of the surfels that a tube is grown on and fitted to at last, of its radius.
 constexpr double kGrowCellRadii = 0.45, kFitCellRadii = 0.3;
+// Cells of the surfels that vote, at most so large a part of the smallest radius that is looked for, and of their map,
+// as a part of those: votes come together finer than they start.
+constexpr double kVoteCellRadii = 0.6, kMapCells = 0.75;
 constexpr double kKnownBand = 0.15;    // votes go so far to either side of a known radius
 constexpr double kBelongsRadii = 0.3;  // what is so near to a tube's surface is no other's
 
@@ -29,7 +32,7 @@ std::vector<std::uint32_t> take(const ScanSurface& surface, const ScanTube& tube
   const double radius_m = tube.line.model.radius_m;
   const double belongs_m = std::max(kBelongsRadii * radius_m, surface.spacing_m);
   for (const SurfacePoint& point : points_near(surface.grid, taken, tube.line)) {
-    if (std::abs(point.distance_m - radius_m) > belongs_m || taken[point.surfel] != 0) continue;
+    if (std::abs(static_cast<double>(point.distance_m) - radius_m) > belongs_m || taken[point.surfel] != 0) continue;
     taken[point.surfel] = 1;
     set.push_back(point.surfel);
   }
@@ -46,13 +49,6 @@ bool radius_in_range(double radius_m, const ScanTubesConfig& config) {
   return config.radius_m || (radius_m >= config.radius_min_m && radius_m <= config.radius_max_m);
 }
 
-/// Beyond doubt: nearly all that is near agrees, and closely. Its surfels are not looked at again for other radii.
-bool is_certain(const ScanEvidence& evidence) {
-  constexpr double kAgree = 0.9, kScatterRadii = 0.02, kScatterSpacings = 0.4;
-  return evidence.support > kAgree &&
-         evidence.scale_radii < std::max(kScatterRadii, kScatterSpacings * evidence.spacing_radii);
-}
-
 ScanSurface surface_of(const ScanLevel& level, std::span<const char> taken) {
   return {level.grid, taken, level.spacing_m};
 }
@@ -63,20 +59,20 @@ std::optional<ScanTube> tube_at(const AccumulationMap& votes, const VoxelIndex& 
                                 std::size_t finest, const ScanLevels& levels,
                                 const std::vector<std::vector<char>>& taken, const ScanTubesConfig& config,
                                 std::vector<Eigen::Vector3d>& line_m) {
-  constexpr int kFirstSteps = 4, kMostSteps = 20'000;
+  constexpr int kFirstSteps = 4, kMostSteps = 10'000'000;
   auto seed = seed_at(votes, peak, octave, kFirstSteps);
   if (!seed) return std::nullopt;
   // Most peaks of other radii are told by a short piece.
   line_m = seed->line_m;
   const std::size_t of_seed = level_to_fit(seed->radius_m, kGrowCellRadii, finest, levels);
-  const double radius_m = radius_at_seed(surface_of(levels.all[of_seed], taken[of_seed]), *seed, octave, config);
-  if (!(radius_m > 0.0)) return std::nullopt;
-  seed = seed_at(votes, peak, octave, kMostSteps);
-  if (!seed) return std::nullopt;
-  seed->radius_m = radius_m;
-  line_m = seed->line_m;
-  const std::size_t level = level_to_fit(radius_m, kGrowCellRadii, finest, levels);
-  auto tube = grow_scan_tube(surface_of(levels.all[level], taken[level]), *seed, config);
+  if (!fit_seed(surface_of(levels.all[of_seed], taken[of_seed]), octave, config, *seed)) return std::nullopt;
+  auto whole = seed_at(votes, peak, octave, kMostSteps);
+  if (!whole) return std::nullopt;
+  whole->radius_m = seed->radius_m;
+  whole->certain = seed->certain;
+  line_m = whole->line_m;
+  const std::size_t level = level_to_fit(whole->radius_m, kGrowCellRadii, finest, levels);
+  auto tube = grow_scan_tube(surface_of(levels.all[level], taken[level]), *whole, config);
   if (!tube || !radius_in_range(tube->line.model.radius_m, config) ||
       !is_of_octave(tube->line.model.radius_m, octave, config))
     return std::nullopt;
@@ -84,23 +80,49 @@ std::optional<ScanTube> tube_at(const AccumulationMap& votes, const VoxelIndex& 
   return tube;
 }
 
+/// A cell holds more than a surfel of the scan or two.
+bool holds_many(const ScanLevel& level, const ScanLevels& levels) {
+  constexpr double kLeastSteps = 1.3;
+  constexpr std::size_t kLeast = 3;
+  return level.grid.cell_m >= kLeastSteps * levels.grid_step_m &&
+         levels.surfels.size() >= kLeast * level.grid.surfels.size();
+}
+
+/// The level whose surfels vote: normals as smooth as the radii allow, and few; the octave's own where coarser cells
+/// would hold little more than one surfel of the scan.
+std::size_t voting_level(const Octave& octave, std::size_t own, const ScanLevels& levels) {
+  const std::size_t coarse = level_to_fit(octave.radius_min_m, kVoteCellRadii, own, levels);
+  return holds_many(levels.all[coarse], levels) ? coarse : own;
+}
+
+/// Whether an octave can do without a level of its own, which would hold nearly all of the scan again.
+bool is_fine_enough(const ScanLevel& finest, const Octave& octave, const ScanLevels& levels) {
+  constexpr double kFineEnoughRadii = 0.55;  // of the octave's smallest
+  return finest.grid.cell_m <= kFineEnoughRadii * octave.radius_min_m && holds_many(finest, levels);
+}
+
 /// What looks like a tube of an octave's radii: from the best peak on, each of surfels that no earlier one has.
 /// `certain` has a level's flags of tubes that are beyond doubt, for all up to the octave's, and gets those of more.
 void search_octave(const Octave& octave, const ScanLevels& levels, const ScanTubesConfig& config,
                    std::vector<std::vector<char>>& certain, std::vector<ScanTube>& candidates, StageTimes& times) {
   Stopwatch watch;
-  AccumulationMap votes(octave.cell_m);
   const std::size_t own = certain.size() - 1;
-  const ScanLevel& level = levels.all[own];
+  const std::size_t voting = voting_level(octave, own, levels);
+  const ScanLevel& level = levels.all[voting];
+  Octave coarse = octave;
+  coarse.cell_m = std::max(octave.cell_m, kMapCells * level.grid.cell_m);
+  AccumulationMap votes(coarse.cell_m);
   std::vector<std::vector<char>> taken = certain;
   const std::vector<char> flat = flat_surfels(level.grid);
-  std::vector<VoteRecord> records(level.grid.surfels.size());
-  for (std::size_t i = 0; i < records.size(); ++i) {
-    // Votes that are not cast are not withdrawn either.
-    records[i].weight = 0;
-    if (taken[own][i] != 0 || flat[i] != 0) continue;
-    records[i] = weighted_record(level.grid.surfels[i], octave, config.grid_step_m);
-    votes.add(records[i]);
+  const auto record_of = [&](std::size_t i) {
+    return weighted_record(level.grid.surfels[i], coarse, config.grid_step_m);
+  };
+  // Votes that are not cast are not withdrawn either.
+  std::vector<char> voted(level.grid.surfels.size(), 0);
+  for (std::size_t i = 0; i < voted.size(); ++i) {
+    if (taken[voting][i] != 0 || flat[i] != 0) continue;
+    voted[i] = 1;
+    votes.add(record_of(i));
   }
   watch.lap(times.accumulate_ms);
   const double near_m = std::max(2.0 * octave.cell_m, 0.3 * octave.radius_min_m);
@@ -114,10 +136,10 @@ void search_octave(const Octave& octave, const ScanLevels& levels, const ScanTub
     auto tube = tube_at(votes, peak, octave, own, levels, taken, config, line_m);
     if (tube) {
       const bool surely = is_certain(tube->evidence);
-      for (std::size_t at = tube->level; at <= own; ++at) {
+      for (std::size_t at = std::min(tube->level, voting); at <= own; ++at) {
         for (const std::uint32_t index : take(surface_of(levels.all[at], taken[at]), *tube, taken[at])) {
           if (surely) certain[at][index] = 1;
-          if (at == own) votes.withdraw(records[index]);
+          if (at == voting && voted[index] != 0) votes.withdraw(record_of(index));
         }
       }
       candidates.push_back(std::move(*tube));
@@ -220,7 +242,7 @@ Expected<void> validate(const ScanTubesConfig& config) {
   return {};
 }
 
-TubeFrame find_scan_tubes(std::span<const Surfel> surfels, const ScanTubesConfig& config) {
+TubeFrame find_scan_tubes(std::span<const ScanSurfel> surfels, const ScanTubesConfig& config) {
   Stopwatch all, watch;
   TubeFrame frame;
   frame.frame_id = "scan";
@@ -232,9 +254,13 @@ TubeFrame find_scan_tubes(std::span<const Surfel> surfels, const ScanTubesConfig
   watch.lap(frame.stages.normals_ms);
   std::vector<std::vector<char>> certain;
   for (const Octave& octave : octaves) {
-    go_to_level_of(octave, certain, levels);
+    if (certain.size() < levels.whole || !is_fine_enough(levels.all[certain.size() - 1], octave, levels))
+      go_to_level_of(octave, certain, levels);
     search_octave(octave, levels, config, certain, candidates, frame.stages);
   }
+  // They have told what they are for.
+  certain = {};
+  for (ScanLevel& level : levels.all) level.merged_into = {};
   double searched_ms = 0.0;
   watch.lap(searched_ms);  // search_octave has told
   std::vector<ScanTube> tubes = chosen(std::move(candidates), levels, config);

@@ -62,8 +62,8 @@ std::vector<Octave> octaves_of(double radius_min_m, double radius_max_m, double 
   return octaves;
 }
 
-VoteRecord weighted_record(const Surfel& surfel, const Octave& octave, double grid_step_m) {
-  Surfel voter = surfel;
+VoteRecord weighted_record(const CellSurfel& surfel, const Octave& octave, double grid_step_m) {
+  Surfel voter{surfel.position_m, surfel.inward_normal};
   voter.radius_min_m = static_cast<float>(octave.radius_min_m);
   voter.radius_max_m = static_cast<float>(octave.radius_max_m);
   VoteRecord record = vote_record(voter, octave.cell_m);

@@ -23,14 +23,15 @@ std::vector<Octave> octaves_of(double radius_min_m, double radius_max_m, double 
 
 /// A surfel's vote, weighted by the area it stands for: quarters of a cell's face, at least one. With the paper's face
 /// areas (end of its section 2.3) irregular meshes vote as evenly as regular ones.
-VoteRecord weighted_record(const Surfel& surfel, const Octave& octave, double grid_step_m);
+VoteRecord weighted_record(const CellSurfel& surfel, const Octave& octave, double grid_step_m);
 inline constexpr int kVotesPerCell = 4;
 
 /// Where a tube may be: traced from a peak.
 struct ScanSeed {
   std::vector<Eigen::Vector3d> line_m;  ///< at least 2 points
   double radius_m = 0.0;
-  bool closed = false;  ///< the last point is next to the first
+  bool closed = false;   ///< the last point is next to the first
+  bool certain = false;  ///< the surface around it is seen from all sides, and is round beyond doubt
 };
 
 /// Traces from a peak (paper, algorithm 2), so many steps both ways, or once around where the line comes back to its
@@ -39,7 +40,7 @@ std::optional<ScanSeed> seed_at(const AccumulationMap& votes, const VoxelIndex& 
                                 int max_steps);
 
 /// Flags of surfels that lie on something too flat for a tube of an octave's radii, and need not vote: all around, in a
-/// bucket, which is as large as the smallest radius, normals point the same way, to 2°, where those of the largest tube
+/// bucket, which is as large as the smallest radius or twice that, normals point the same way, to 2°, where those of the largest tube
 /// spread over 26°. Most of a scan may be floor.
 std::vector<char> flat_surfels(const SurfelGrid& grid);
 

@@ -36,10 +36,17 @@ VoxelIndex best_on_patch(const AccumulationMap& map, const Eigen::Vector3d& cent
   return best;
 }
 
-bool comes_back(const RecycledVector<TracePoint>& line, const Eigen::Vector3d& position_m, double step_m) {
-  const std::size_t recent = std::min<std::size_t>(line.size(), 3);
-  return std::any_of(line.begin(), line.end() - static_cast<std::ptrdiff_t>(recent),
-                     [&](const TracePoint& point) { return (point.position_m - position_m).norm() < 0.5 * step_m; });
+/// Whether a line, whose points are at most `longest_m` from the one before, was here already. Behind a point that is
+/// far away, as many can't be near as it takes to come back: so few are looked at, however long the line is.
+bool comes_back(const RecycledVector<TracePoint>& line, const Eigen::Vector3d& position_m, double step_m,
+                double longest_m) {
+  const std::size_t end = line.size() - std::min<std::size_t>(line.size(), 3);
+  for (std::size_t i = 0; i < end; ++i) {
+    const double beyond_m = (line[i].position_m - position_m).norm() - 0.5 * step_m;
+    if (beyond_m < 0.0) return true;
+    i += static_cast<std::size_t>(beyond_m / longest_m);
+  }
+  return false;
 }
 
 }  // namespace
@@ -54,13 +61,15 @@ RecycledVector<TracePoint> trace_one_way(const AccumulationMap& map, const Voxel
   Voxel sum = map.box(start, options.box_half);
   TracePoint current = point_at(map, start, sum);
   const int start_votes = current.votes;
+  double longest_m = options.step_m;
   Eigen::Vector3d last = axis_of(sum).direction * (in_front ? 1.0 : -1.0);
   Eigen::Vector3d previous_m = current.position_m - last * options.step_m;
   for (int i = 0; i < options.max_steps; ++i) {
     Eigen::Vector3d direction = axis_of(sum).direction;
     if (last.dot(direction) < 0.0) direction = -direction;
     if (!is_inside_tube(current.votes, start_votes, current.position_m - previous_m, direction)) break;
-    if (comes_back(line, current.position_m, options.step_m)) break;
+    if (comes_back(line, current.position_m, options.step_m, longest_m)) break;
+    if (!line.empty()) longest_m = std::max(longest_m, (current.position_m - line.back().position_m).norm());
     line.push_back(current);
     const Eigen::Vector3d center_m = current.position_m + direction * options.step_m;
     previous_m = current.position_m;

@@ -66,13 +66,17 @@ void add_uncertainty(const Spline& spline, const RecycledMatrix& control_covaria
       covariance += basis.value[i] * basis.value[j] * control_covariance.block<3, 3>(row, col);
     }
   }
+  add_place_uncertainty(spline, covariance, t, tube);
+}
+
+void add_place_uncertainty(const Spline& spline, Eigen::Matrix3d covariance_m2, double t, Tube& tube) {
   // Where a bend begins or ends, the spline cuts the corner that its knots are too far apart for.
   const auto& q = spline.control_m;
-  const std::size_t k = basis.first;
+  const std::size_t k = basis_at(spline, t).first;
   const double third_m = (q[k + 3] - q[k] + 3.0 * (q[k + 1] - q[k + 2])).norm();
-  covariance.diagonal().array() += kCornerCut * kCornerCut * third_m * third_m;
-  tube.sigma_m.push_back(sigma_across_m(covariance, derivative_at(spline, t).normalized()));
-  tube.node_covariance_m2.push_back(covariance);
+  covariance_m2.diagonal().array() += kCornerCut * kCornerCut * third_m * third_m;
+  tube.sigma_m.push_back(sigma_across_m(covariance_m2, derivative_at(spline, t).normalized()));
+  tube.node_covariance_m2.push_back(covariance_m2);
 }
 
 void set_result(const FollowedTube& followed, const HeightMap& map, Tube& tube) {

@@ -14,6 +14,8 @@ double polyline_length_m(const std::vector<Eigen::Vector3d>& line_m);
 /// Adds a node's uncertainty at `t` to the tube: its covariance from that of the control points (as in FitQuality), and
 /// the larger σ across the tube.
 void add_uncertainty(const Spline& spline, const RecycledMatrix& covariance, double t, Tube& tube);
+/// The same from the covariance of the place itself.
+void add_place_uncertainty(const Spline& spline, Eigen::Matrix3d covariance_m2, double t, Tube& tube);
 
 /// Fills in `segments` and `bend_table` from the centreline (paper, section 3).
 void add_parts(Tube& tube);

@@ -17,4 +17,11 @@ struct Surfel {
   std::uint32_t cell = 0;  ///< the height-map cell it came from
 };
 
+/// What a static scan has in its place, of which it may have ten million: neither gated nor refined.
+struct ScanSurfel {
+  Eigen::Vector3f position_m = Eigen::Vector3f::Zero();
+  Eigen::Vector3f inward_normal = Eigen::Vector3f::UnitZ();  ///< unit, into the body
+  float weight = 1.0F;                                       ///< the area it stands for, in squares of the grid step
+};
+
 }  // namespace tubetrack

@@ -16,8 +16,6 @@ enum class GridNormals {
 
 /// How surfels are made of a scan.
 struct ScanSurfelOptions {
-  double radius_min_m = 0.005;  ///< band of every surfel: a scan's surfels are not gated on curvature
-  double radius_max_m = 0.100;
   /// Half size of what a voxel's or height-map cell's normal is taken over; at most about the tube's radius. 0: four
   /// grid steps for voxels, three for height maps.
   double normal_radius_m = 0.0;
@@ -25,12 +23,11 @@ struct ScanSurfelOptions {
   std::size_t max_count = 5'000'000;  ///< large faces are cut into pieces only as far as this allows
 };
 
-/// The scan's oriented surface, in its frame; `inward_normal` points into the body, toward a tube's axis, and `cell` is
-/// the index of the face, point, surfel or height-map cell it came from. The weight is the element's area over the
-/// square of the grid step, about 1 on average (paper, section 2.3: forces weighted by face area); a cloud's points
-/// weigh 1. σ is that of a position rounded to the grid step. A face larger than two grid steps gives several surfels
-/// that share its area. Empty for an empty scan.
-std::vector<Surfel> surfels_of(const Scan& scan, const ScanSurfelOptions& options = {});
+/// The scan's oriented surface, in its frame; `inward_normal` points into the body, toward a tube's axis. The weight is
+/// the element's area over the square of the grid step, about 1 on average (paper, section 2.3: forces weighted by face
+/// area); a cloud's points weigh 1. A face larger than two grid steps gives several surfels that share its area. Empty
+/// for an empty scan.
+std::vector<ScanSurfel> surfels_of(const Scan& scan, const ScanSurfelOptions& options = {});
 
 /// Radii that a scan can show.
 struct RadiusRange {
@@ -40,6 +37,6 @@ struct RadiusRange {
 
 /// From what it just resolves (for a mesh the median of the faces' shortest edges, as a section of few sides has one;
 /// two grid steps for voxels and height maps, one and a half for clouds) to a quarter of its diagonal.
-RadiusRange default_radius_range(const Scan& scan, std::span<const Surfel> surfels);
+RadiusRange default_radius_range(const Scan& scan, std::span<const ScanSurfel> surfels);
 
 }  // namespace tubetrack

@@ -1,0 +1,117 @@
+#include "scan_step.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "shape_priors.hpp"
+
+namespace tubetrack {
+
+namespace {
+
+constexpr int kFewest = 20;  // observations
+
+struct ScanEquations {
+  BandMatrix matrix;
+  RecycledColumn right;
+  double chi2 = 0.0;
+  int used = 0;
+};
+
+/// As observed_equations.
+ScanEquations observed_by(const RecycledVector<StretchSums>& stretches, const TubeModel& model, bool free_radius) {
+  const auto size = static_cast<Eigen::Index>(3 * model.spline.control_m.size() + 1);
+  const Eigen::Index radius_at = size - 1;
+  ScanEquations eq{BandMatrix(size), Eigen::VectorXd::Zero(size)};
+  double* const radius_row = eq.matrix.row(radius_at);
+  for (std::size_t k = 0; k < stretches.size(); ++k) {
+    const StretchSums& s = stretches[k];
+    if (s.used == 0) continue;
+    eq.used += s.used;
+    eq.chi2 += s.chi2;
+    const SplineBasis basis = basis_at(model.spline, (static_cast<double>(k) + 0.5) / kStretchesPerSpan);
+    for (std::size_t i = 0; i < 4; ++i) {
+      const auto row = static_cast<Eigen::Index>(3 * (basis.first + i));
+      for (std::size_t j = 0; j <= i; ++j)
+        eq.matrix.add(basis.first + i, basis.first + j, basis.value[i] * basis.value[j] * s.point_point);
+      eq.right.segment<3>(row) += basis.value[i] * s.point_residual;
+      for (Eigen::Index axis = 0; free_radius && axis < 3; ++axis)
+        radius_row[row + axis] += basis.value[i] * s.point_radius[axis];
+    }
+    if (!free_radius) continue;
+    radius_row[radius_at] += s.radius_radius;
+    eq.right[radius_at] += s.radius_residual;
+  }
+  return eq;
+}
+
+/// As normal_equations.
+void add_priors(const TubeModel& model, bool free_radius, ScanEquations& eq) {
+  const auto& q = model.spline.control_m;
+  const auto informed = [&](std::size_t k) {
+    const auto at = static_cast<Eigen::Index>(3 * k);
+    return eq.matrix.at(at, at) > 0.0;
+  };
+  std::size_t first = 0, last = q.size() - 1;
+  while (first < last && !informed(first)) ++first;
+  while (last > first && !informed(last)) --last;
+  shape_priors(
+      model, 1.0, first, last,
+      [&](std::size_t k, const auto& factors, const Eigen::Matrix3d& weight) {
+        Eigen::Vector3d value = Eigen::Vector3d::Zero();
+        for (std::size_t i = 0; i < factors.size(); ++i) value += factors[i] * q[k + i];
+        for (std::size_t i = 0; i < factors.size(); ++i) {
+          for (std::size_t j = 0; j <= i; ++j) eq.matrix.add(k + i, k + j, factors[i] * factors[j] * weight);
+          eq.right.segment<3>(static_cast<Eigen::Index>(3 * (k + i))) -= factors[i] * weight * value;
+        }
+      },
+      [&](std::size_t k, const Eigen::Matrix3d& weight) { eq.matrix.add(k, k, weight); });
+  const Eigen::Index radius_at = eq.right.size() - 1;
+  // A radius that the view hardly determines stays near where it was.
+  eq.matrix.row(radius_at)[radius_at] += free_radius ? inverse_square(0.5 * model.radius_m) : 1.0;
+}
+
+std::optional<ScanStepQuality> take_scan_step(TubeModel& model, const SortedObservations& observations,
+                                              const FitOptions& options, bool want_covariance) {
+  const bool free_radius = !options.radius_m;
+  ScanEquations eq = observed_by(sum_stretches(model, observations), model, free_radius);
+  if (eq.used < kFewest) return std::nullopt;
+  add_priors(model, free_radius, eq);
+  const BandSolver solver(eq.matrix);
+  if (!solver.ok()) return std::nullopt;
+  const RecycledColumn change = solver.solve(eq.right);
+  if (!change.allFinite()) return std::nullopt;
+  for (std::size_t k = 0; k < model.spline.control_m.size(); ++k) {
+    const Eigen::Vector3d move = change.segment<3>(static_cast<Eigen::Index>(3 * k));
+    model.spline.control_m[k] += move * std::min(1.0, model.radius_m / std::max(move.norm(), 1e-12));
+  }
+  const Eigen::Index radius_at = change.size() - 1;
+  if (free_radius) {
+    const double limit = 0.3 * model.radius_m;
+    model.radius_m += std::clamp(change[radius_at], -limit, limit);
+    if (model.radius_m < options.radius_min_m || model.radius_m > options.radius_max_m) return std::nullopt;
+  }
+  ScanStepQuality quality;
+  if (!want_covariance) return quality;
+  quality.covariance = solver.inverse_band();
+  quality.covariance *= std::max(1.0, eq.chi2 / eq.used);
+  if (free_radius) quality.radius_sigma_m = std::sqrt(std::max(0.0, quality.covariance.at(radius_at, radius_at)));
+  return quality;
+}
+
+}  // namespace
+
+std::optional<ScanStepQuality> fit_scan_stretch(TubeModel& model, const SortedObservations& observations,
+                                                const FitOptions& options) {
+  if (options.radius_m) model.radius_m = *options.radius_m;
+  if (observations.count < kFewest) return std::nullopt;
+  std::optional<ScanStepQuality> quality;
+  for (int step = 1; step <= options.gauss_newton_steps; ++step) {
+    quality =
+        take_scan_step(model, observations, options, options.want_covariance && step == options.gauss_newton_steps);
+    if (!quality) break;
+  }
+  return quality;
+}
+
+}  // namespace tubetrack
