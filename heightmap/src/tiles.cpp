@@ -2,6 +2,8 @@
 
 #include <algorithm>
 
+#include "fuse_row.hpp"
+
 namespace tubetrack {
 
 namespace {
@@ -27,6 +29,11 @@ Region hull(const Region& a, const Region& b) {
           std::max(a.v_end, b.v_end)};
 }
 
+Region tile_at(const HeightMap& map, int row, int column) {
+  return {column * kTileWidth_px, std::min((column + 1) * kTileWidth_px, map.intrinsics.width), row * kTileHeight_px,
+          std::min((row + 1) * kTileHeight_px, map.intrinsics.height)};
+}
+
 }  // namespace
 
 void TileLedger::start(const HeightMap& map) {
@@ -41,9 +48,21 @@ void TileLedger::start(const HeightMap& map) {
   started_ = false;
 }
 
-bool TileLedger::due(const HeightMap& map, int row, std::size_t tile) const {
+/// Of a tile that changed: in one that is no longer new it may have been what flickers at silhouettes, most of which is
+/// soon back where it was.
+bool TileLedger::has_moved(const HeightMap& map, const Region& cells, std::size_t tile, const Heights& heights) const {
+  if (map.tile_changed_in[tile] - map.tile_new_in[tile] < kYoungFrames) return true;
+  const bool stirs = map.tile_changed_in[tile] == map.frame || map.tile_changes[tile].steady > 0;
+  const int all = (cells.u_end - cells.u_begin) * (cells.v_end - cells.v_begin);
+  return stirs && 16 * count_moved(map, cells, heights) >= all;
+}
+
+bool TileLedger::due(const HeightMap& map, int row, int column, const Heights& heights) const {
+  const std::size_t tile =
+      static_cast<std::size_t>(row) * static_cast<std::size_t>(columns_) + static_cast<std::size_t>(column);
   const std::uint32_t taken = taken_in_[tile];
-  if (!started_ || map.tile_changed_in[tile] > taken) return true;
+  if (!started_) return true;
+  if (map.tile_changed_in[tile] > taken && has_moved(map, tile_at(map, row, column), tile, heights)) return true;
   const std::uint32_t frames_then = taken - map.tile_new_in[tile] + 1;
   const std::uint32_t frames_now = map.frame - map.tile_new_in[tile] + 1;
   if (frames_then < 32) return frames_now >= 2 * frames_then;
@@ -111,7 +130,7 @@ void TileLedger::take_row_of_tiles(const HeightMap& map, int row, Heights& heigh
   for (int column = 0; column < columns_; ++column) {
     const std::size_t tile = row_start + static_cast<std::size_t>(column);
     holes[column] = static_cast<std::uint8_t>((holes[column] & 1) * 3);
-    taken[column] = due(map, row, tile) ? 1 : 0;
+    taken[column] = due(map, row, column, heights) ? 1 : 0;
     if (!taken[column]) continue;
     holes[column] &= 2;
     taken_in_[tile] = map.frame;
