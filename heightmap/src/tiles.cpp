@@ -41,6 +41,7 @@ void TileLedger::start(const HeightMap& map) {
   columns_ = map.tile_columns();
   const auto tiles = static_cast<std::size_t>(rows_) * static_cast<std::size_t>(columns_);
   taken_in_.assign(tiles, 0);
+  missing_.assign(tiles, 0);
   holes_.assign(tiles, 0);
   taken_.assign(tiles, 0);
   affected_.assign(tiles * kUnitsPerTile, 0);
@@ -50,14 +51,18 @@ void TileLedger::start(const HeightMap& map) {
 
 /// Of a tile that changed: in one that is no longer new it may have been what flickers at silhouettes, most of which is
 /// soon back where it was.
-bool TileLedger::has_moved(const HeightMap& map, const Region& cells, std::size_t tile, const Heights& heights) const {
+bool TileLedger::has_moved(const HeightMap& map, const Region& cells, std::size_t tile, const Heights& heights) {
   if (map.tile_changed_in[tile] - map.tile_new_in[tile] < kYoungFrames) return true;
-  const bool stirs = map.tile_changed_in[tile] == map.frame || map.tile_changes[tile].steady > 0;
+  // Counted again once so many more cells changed as were missing.
+  std::int32_t& missing = missing_[tile];
+  missing -= static_cast<std::int32_t>(map.tile_changes[tile].steady);
+  if (missing > 0) return false;
   const int all = (cells.u_end - cells.u_begin) * (cells.v_end - cells.v_begin);
-  return stirs && 16 * count_moved(map, cells, heights) >= all;
+  missing = (all + 15) / 16 - count_moved(map, cells, heights);
+  return missing <= 0;
 }
 
-bool TileLedger::due(const HeightMap& map, int row, int column, const Heights& heights) const {
+bool TileLedger::due(const HeightMap& map, int row, int column, const Heights& heights) {
   const std::size_t tile =
       static_cast<std::size_t>(row) * static_cast<std::size_t>(columns_) + static_cast<std::size_t>(column);
   const std::uint32_t taken = taken_in_[tile];
@@ -134,6 +139,7 @@ void TileLedger::take_row_of_tiles(const HeightMap& map, int row, Heights& heigh
     if (!taken[column]) continue;
     holes[column] &= 2;
     taken_in_[tile] = map.frame;
+    missing_[tile] = 0;
   }
   for (int column = 0; column < columns_; ++column) {
     if (!taken[column]) continue;
