@@ -58,9 +58,8 @@ struct AffectedTiles {
 
 void prepare(const HeightMap& map, int threads, SurfelWork& work);
 
-/// The map's heights and variances of a region, in integer units. `holes`, one a column of the region's tiles, becomes
-/// 1 where a cell of it has none.
-void take_heights(const HeightMap& map, const Region& region, Heights& out, std::uint8_t* holes);
+/// The map's heights and variances of a region, in integer units.
+void take_heights(const HeightMap& map, const Region& region, Heights& out);
 
 /// Of a tile's cells that were steady when its heights were taken, how many have lost their reading since or are
 /// another height by more than 5σ. What flickers is, most of the time, back where it was.

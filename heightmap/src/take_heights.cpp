@@ -19,14 +19,9 @@ namespace {
 
 using D8 = hn::Rebind<std::uint8_t, D>;
 
-/// Of a vector's cells.
-struct Taken {
-  bool all;              ///< every one has a height
-  std::uint64_t steady;  ///< a bit each: has one that is steady
-};
-
-HWY_INLINE Taken TakeCells(const float* height, const float* variance, const std::uint8_t* count,
-                           std::int32_t* height_out, std::int32_t* variance_out) {
+/// A bit for each of a vector's cells that has a steady height.
+HWY_INLINE std::uint64_t TakeCells(const float* height, const float* variance, const std::uint8_t* count,
+                                   std::int32_t* height_out, std::int32_t* variance_out) {
   const D d;
   const DI di;
   const auto half = hn::Set(d, 0.5F);
@@ -39,17 +34,16 @@ HWY_INLINE Taken TakeCells(const float* height, const float* variance, const std
   const auto limited = hn::Min(s, hn::Set(d, static_cast<float>(kVarianceLimit)));
   hn::StoreU(hn::ConvertTo(di, hn::IfThenElseZero(usable, h)), di, height_out);
   hn::StoreU(hn::ConvertTo(di, hn::IfThenElseZero(usable, limited)), di, variance_out);
-  return {hn::AllTrue(d, usable), Bits(hn::And(usable, steady))};
+  return Bits(hn::And(usable, steady));
 }
 
-/// `holes` of each column of tiles becomes 1 where a cell is without height, `steady` has a bit for each cell.
+/// `steady` has a bit for each cell, in one number for every column of tiles.
 void TakeRow(const float* height, const float* variance, const std::uint8_t* count, int cells, std::int32_t* height_out,
-             std::int32_t* variance_out, std::uint8_t* holes, std::uint16_t* steady) {
+             std::int32_t* variance_out, std::uint16_t* steady) {
   const int lanes = static_cast<int>(hn::Lanes(D()));
   std::fill_n(steady, (cells + kTileWidth_px - 1) / kTileWidth_px, std::uint16_t{0});
-  const auto note = [&](int i, const Taken& taken) {
-    holes[i / kTileWidth_px] |= taken.all ? 0 : 1;
-    steady[i / kTileWidth_px] |= static_cast<std::uint16_t>(taken.steady << i % kTileWidth_px);
+  const auto note = [&](int i, std::uint64_t bits) {
+    steady[i / kTileWidth_px] |= static_cast<std::uint16_t>(bits << i % kTileWidth_px);
   };
   int i = 0;
   for (; i + lanes <= cells; i += lanes) {
@@ -64,9 +58,7 @@ void TakeRow(const float* height, const float* variance, const std::uint8_t* cou
   std::copy_n(variance + i, left, last_variance);
   std::copy_n(count + i, left, last_count);
   // What is written beyond the last cell is zero, in the margin.
-  Taken taken = TakeCells(last_height, last_variance, last_count, height_out + i, variance_out + i);
-  taken.all = std::find(height_out + i, height_out + cells, 0) == height_out + cells;
-  note(i, taken);
+  note(i, TakeCells(last_height, last_variance, last_count, height_out + i, variance_out + i));
 }
 
 }  // namespace
@@ -79,13 +71,13 @@ namespace tubetrack {
 
 HWY_EXPORT(TakeRow);
 
-void take_heights(const HeightMap& map, const Region& region, Heights& out, std::uint8_t* holes) {
+void take_heights(const HeightMap& map, const Region& region, Heights& out) {
   for (int v = region.v_begin; v < region.v_end; ++v) {
     const std::size_t from = map.cell(region.u_begin, v);
     const std::size_t to = out.grid.at(region.u_begin, v);
     HWY_DYNAMIC_DISPATCH(TakeRow)
     (map.inverse_depth_per_m.data() + from, map.variance_per_m2.data() + from, map.count.data() + from,
-     region.u_end - region.u_begin, out.height.data() + to, out.variance.data() + to, holes,
+     region.u_end - region.u_begin, out.height.data() + to, out.variance.data() + to,
      out.steady.data() + out.grid.tile(region.u_begin, v));
   }
 }

@@ -28,8 +28,8 @@ class TileLedger {
   bool due(const HeightMap& map, int row, int column, const Heights& heights);
   bool has_moved(const HeightMap& map, const Region& cells, std::size_t tile, const Heights& heights);
   void take_row_of_tiles(const HeightMap& map, int row, Heights& heights);
-  void mark_affected(int row, int column);
-  void mark_around(int row, int column, int down_px, int across_px);
+  void mark_affected(const HeightMap& map, const Heights& heights, int row, int column);
+  void mark(const Region& cells);
   void gather_regions(const HeightMap& map);
 
   int rows_ = 0;
@@ -37,7 +37,6 @@ class TileLedger {
   bool started_ = false;
   std::vector<std::uint32_t> taken_in_;  ///< by tile: the frame in which its heights were taken
   std::vector<std::int32_t> missing_;    ///< by tile: so many more steady cells must change for it to be due
-  std::vector<std::uint8_t> holes_;      ///< by tile: bit 0 now, bit 1 before heights were taken
   std::vector<std::uint8_t> taken_;      ///< by tile: in this call
   std::vector<std::uint8_t> affected_;   ///< by unit of rows and column of tiles: surfels depend on what was taken now
   std::vector<Region> regions_;
