@@ -26,9 +26,7 @@ struct Piece {
 };
 
 constexpr double kSpansPerPiece = 0.5;
-// Where the line is straight, a piece is longer. In a bend of 5 R half a span bulges by 0.01 R.
-constexpr int kMostStepsPerPiece = 8;
-constexpr double kStraight = 0.003;              // radii
+constexpr int kMostStepsPerPiece = 8;            // where the line is straight
 constexpr double kSpansPerVaryingPiece = 0.125;  // a taper of 10 % is a step of 1.5 % of the radius then
 
 /// How many steps from `first` on one straight piece may stand for.
@@ -44,7 +42,7 @@ int steps_in_line(const RecycledVector<Eigen::Vector3d>& points_m, int first, do
   return std::max(1, most);
 }
 
-RecycledVector<Piece> cut_into_pieces(const TubeModel& model) {
+RecycledVector<Piece> cut_into_pieces(const TubeModel& model, double straight_radii) {
   const bool varies = !model.profile.offset_m.empty();
   const double spans_per_step = varies ? kSpansPerVaryingPiece : kSpansPerPiece;
   const int count = static_cast<int>(std::lround(model.spline.spans() / spans_per_step));
@@ -54,7 +52,7 @@ RecycledVector<Piece> cut_into_pieces(const TubeModel& model) {
   pieces.reserve(static_cast<std::size_t>(count));
   int steps = 1;
   for (int i = 0; i < count; i += steps) {
-    steps = varies ? 1 : steps_in_line(points_m, i, kStraight * model.radius_m);
+    steps = varies || straight_radii <= 0.0 ? 1 : steps_in_line(points_m, i, straight_radii * model.radius_m);
     Piece piece;
     piece.start_m = points_m[static_cast<std::size_t>(i)];
     piece.end_m = points_m[static_cast<std::size_t>(i + steps)];
@@ -175,10 +173,10 @@ RowPiece row_piece(const Piece& piece) {
   return row;
 }
 
-OutlinedTube outline_all(const Intrinsics& in, const TubeModel& model) {
+OutlinedTube outline_all(const Intrinsics& in, const TubeModel& model, double straight_radii) {
   OutlinedTube all;
   all.all_rows = {in.height, 0};
-  for (const Piece& piece : cut_into_pieces(model)) {
+  for (const Piece& piece : cut_into_pieces(model, straight_radii)) {
     const std::optional<Quad> quad = outline_of(in, piece, piece.radius_m);
     if (!quad) continue;
     const auto [top, bottom] = std::minmax({(*quad)[0].y(), (*quad)[1].y(), (*quad)[2].y(), (*quad)[3].y()});
@@ -261,9 +259,9 @@ void PredictedPixels::make_room(std::size_t pixels) {
 }
 
 void predict_pixels(const HeightMap& map, const NoiseModel& noise, const TubeModel& model, int stride,
-                    PredictedPixels& pixels) {
+                    PredictedPixels& pixels, double straight_radii) {
   const Intrinsics& in = map.intrinsics;
-  const OutlinedTube outlined = outline_all(in, model);
+  const OutlinedTube outlined = outline_all(in, model, straight_radii);
   const Range rows = outlined.all_rows;
   PredictedRow& row = row_for(in.width);
   const bool distorted = in.has_distortion();
