@@ -27,6 +27,8 @@ struct CellRow {
 
 /// A cell is steady once this many frames agree in it. At a silhouette, where readings come and go, few ever are.
 inline constexpr int kSteadyCount = 8;
+/// So long after a tile was new every change counts: what came with it is still to be found.
+inline constexpr std::uint32_t kYoungFrames = 8;
 
 /// Takes one reading into each of `cells` cells. Where they change, the counts of their columns of tiles go up (not
 /// with `fuse` false, where all do); the row's first cell is in column `u_first` of the image.

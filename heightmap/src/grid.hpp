@@ -19,6 +19,10 @@ struct Grid {
   int stride() const { return (width + 63) / 64 * 64 + 2 * kMargin_px; }
   int words() const { return stride() / 64; }
   std::size_t size() const { return static_cast<std::size_t>(stride()) * static_cast<std::size_t>(height); }
+  /// Place among the rows of tiles, one after the other (of a row of the image as many as there are columns of tiles).
+  std::size_t tile(int u, int v) const {
+    return static_cast<std::size_t>(v) * static_cast<std::size_t>((width + 15) / 16) + static_cast<std::size_t>(u / 16);
+  }
   std::size_t at(int u, int v) const {
     return static_cast<std::size_t>(v) * static_cast<std::size_t>(stride()) + static_cast<std::size_t>(u + kMargin_px);
   }
@@ -34,6 +38,7 @@ inline constexpr std::int32_t kVarianceLimit = 2147483647 / (21 * 21);  // at 0.
 /// Heights in these units, 0: none.
 struct Heights {
   Grid grid;
+  std::vector<std::uint16_t> steady;  ///< a bit each for the 16 cells of a row of a tile: was steady when it was taken
   std::vector<std::int32_t> height;
   std::vector<std::int32_t> variance;
 };

@@ -23,9 +23,6 @@ void clear_cells(HeightMap& map, int v, int u_begin, int u_end, TileChanges* til
   }
 }
 
-/// So long after a tile was new every change counts: what came with it is still to be found.
-constexpr std::uint32_t kYoungFrames = 8;
-
 /// The tiles of a row of them that changed, from what their cells did.
 void note_changes(HeightMap& map, int tile_row, bool all_new, std::span<const TileChanges> tiles) {
   const int rows = std::min(kTileHeight_px, map.intrinsics.height - tile_row * kTileHeight_px);

@@ -138,6 +138,7 @@ void prepare(const HeightMap& map, int threads, SurfelWork& work) {
   // A vector that starts in a row's last cell reads on.
   work.heights.height.assign(grid.size() + 64, 0);
   work.heights.variance.assign(grid.size() + 64, 0);
+  work.heights.steady.assign(grid.tile(0, grid.height), 0);
   work.longest_ray2 = 0.0F;
   for (const Eigen::Vector2f& ray : map.rays) work.longest_ray2 = std::max(work.longest_ray2, ray.squaredNorm());
   if (map.intrinsics.has_distortion()) {

@@ -58,9 +58,12 @@ struct AffectedTiles {
 
 void prepare(const HeightMap& map, int threads, SurfelWork& work);
 
-/// The map's heights and variances of a region, in integer units. `holes`, one a column of the region's tiles, becomes
-/// 1 where a cell of it has none.
-void take_heights(const HeightMap& map, const Region& region, Heights& out, std::uint8_t* holes);
+/// The map's heights and variances of a region, in integer units.
+void take_heights(const HeightMap& map, const Region& region, Heights& out);
+
+/// Of a tile's cells that were steady when its heights were taken, how many have lost their reading since or are
+/// another height by more than 5σ. What flickers is, most of the time, back where it was.
+int count_moved(const HeightMap& map, const Region& tile, const Heights& taken);
 
 /// Finds the surfels of some regions anew, where heights that they depend on have changed. Each thread has a band of
 /// rows, so that all bands are about as much work; as sums are exact, what is found does not depend on where they

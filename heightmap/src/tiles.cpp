@@ -2,13 +2,14 @@
 
 #include <algorithm>
 
+#include "fuse_row.hpp"
+
 namespace tubetrack {
 
 namespace {
 
-/// How far a changed cell reaches: its surfels, and an edge between neighbours, or across a gap, beside it.
+/// How far a changed cell reaches: its surfels, and an edge between neighbours beside it.
 constexpr int kReach_px = kSurfelReach_px + 1;
-constexpr int kReachAcrossGaps_px = kSurfelReach_px + kGapLimit_px;
 constexpr int kUnit_px = kAffectedRows_px;
 constexpr int kUnitsPerTile = kTileHeight_px / kUnit_px;
 /// The map is gone through again in this many bands, one every few frames.
@@ -27,6 +28,29 @@ Region hull(const Region& a, const Region& b) {
           std::max(a.v_end, b.v_end)};
 }
 
+/// The longest gap from a tile's side on, straight away from it along (du, dv), that an edge may lie across: what is in
+/// the tile is compared with what is beyond. (`u`, `v`): the first cell outside; `count` of them beside each other.
+int longest_gap(const Heights& heights, int u, int v, int du, int dv, int count) {
+  const Grid& grid = heights.grid;
+  int longest = 0;
+  for (int i = 0; i < count; ++i) {
+    for (int gap = 0; gap < kGapLimit_px; ++gap) {
+      const int at_u = u + du * gap + (dv != 0 ? i : 0);
+      const int at_v = v + dv * gap + (du != 0 ? i : 0);
+      if (at_u < 0 || at_u >= grid.width || at_v < 0 || at_v >= grid.height) break;
+      if (heights.height[grid.at(at_u, at_v)] == 0) continue;
+      longest = std::max(longest, gap);
+      break;
+    }
+  }
+  return longest;
+}
+
+Region tile_at(const HeightMap& map, int row, int column) {
+  return {column * kTileWidth_px, std::min((column + 1) * kTileWidth_px, map.intrinsics.width), row * kTileHeight_px,
+          std::min((row + 1) * kTileHeight_px, map.intrinsics.height)};
+}
+
 }  // namespace
 
 void TileLedger::start(const HeightMap& map) {
@@ -34,16 +58,32 @@ void TileLedger::start(const HeightMap& map) {
   columns_ = map.tile_columns();
   const auto tiles = static_cast<std::size_t>(rows_) * static_cast<std::size_t>(columns_);
   taken_in_.assign(tiles, 0);
-  holes_.assign(tiles, 0);
+  missing_.assign(tiles, 0);
   taken_.assign(tiles, 0);
   affected_.assign(tiles * kUnitsPerTile, 0);
   regions_.reserve(tiles * kUnitsPerTile);
   started_ = false;
 }
 
-bool TileLedger::due(const HeightMap& map, int row, std::size_t tile) const {
+/// Of a tile that changed: in one that is no longer new it may have been what flickers at silhouettes, most of which is
+/// soon back where it was.
+bool TileLedger::has_moved(const HeightMap& map, const Region& cells, std::size_t tile, const Heights& heights) {
+  if (map.tile_changed_in[tile] - map.tile_new_in[tile] < kYoungFrames) return true;
+  // Counted again once so many more cells changed as were missing.
+  std::int32_t& missing = missing_[tile];
+  missing -= static_cast<std::int32_t>(map.tile_changes[tile].steady);
+  if (missing > 0) return false;
+  const int all = (cells.u_end - cells.u_begin) * (cells.v_end - cells.v_begin);
+  missing = (all + 15) / 16 - count_moved(map, cells, heights);
+  return missing <= 0;
+}
+
+bool TileLedger::due(const HeightMap& map, int row, int column, const Heights& heights) {
+  const std::size_t tile =
+      static_cast<std::size_t>(row) * static_cast<std::size_t>(columns_) + static_cast<std::size_t>(column);
   const std::uint32_t taken = taken_in_[tile];
-  if (!started_ || map.tile_changed_in[tile] > taken) return true;
+  if (!started_) return true;
+  if (map.tile_changed_in[tile] > taken && has_moved(map, tile_at(map, row, column), tile, heights)) return true;
   const std::uint32_t frames_then = taken - map.tile_new_in[tile] + 1;
   const std::uint32_t frames_now = map.frame - map.tile_new_in[tile] + 1;
   if (frames_then < 32) return frames_now >= 2 * frames_then;
@@ -51,27 +91,28 @@ bool TileLedger::due(const HeightMap& map, int row, std::size_t tile) const {
          static_cast<int>(map.frame / kFramesPerBand % kBands) == row * kBands / rows_;
 }
 
-void TileLedger::mark_affected(int row, int column) {
-  std::uint8_t holes = 0;
-  for (int r = std::max(0, row - 1); r <= std::min(rows_ - 1, row + 1); ++r) {
-    for (int c = std::max(0, column - 1); c <= std::min(columns_ - 1, column + 1); ++c) {
-      holes |= holes_[static_cast<std::size_t>(r) * static_cast<std::size_t>(columns_) + static_cast<std::size_t>(c)];
-    }
-  }
-  mark_around(row, column, kReach_px, kReach_px);
-  if (holes == 0) return;
+void TileLedger::mark_affected(const HeightMap& map, const Heights& heights, int row, int column) {
+  const Region tile = tile_at(map, row, column);
+  const int rows = tile.v_end - tile.v_begin;
+  const int columns = tile.u_end - tile.u_begin;
+  // A neighbour's gap that has closed since is of a tile that was taken as well, which marks what is beyond.
+  const int left = longest_gap(heights, tile.u_begin - 1, tile.v_begin, -1, 0, rows);
+  const int right = longest_gap(heights, tile.u_end, tile.v_begin, 1, 0, rows);
+  const int above = longest_gap(heights, tile.u_begin, tile.v_begin - 1, 0, -1, columns);
+  const int below = longest_gap(heights, tile.u_begin, tile.v_end, 0, 1, columns);
   // Gaps are looked across along rows and columns only.
-  mark_around(row, column, kReach_px, kReachAcrossGaps_px);
-  mark_around(row, column, kReachAcrossGaps_px, kReach_px);
+  mark({tile.u_begin - kReach_px - left, tile.u_end + kReach_px + right, tile.v_begin - kReach_px,
+        tile.v_end + kReach_px});
+  if (above == 0 && below == 0) return;
+  mark({tile.u_begin - kReach_px, tile.u_end + kReach_px, tile.v_begin - kReach_px - above,
+        tile.v_end + kReach_px + below});
 }
 
-void TileLedger::mark_around(int row, int column, int down_px, int across_px) {
-  const int down = (down_px + kUnit_px - 1) / kUnit_px;
-  const int across = (across_px + kTileWidth_px - 1) / kTileWidth_px;
-  const int first = std::max(0, column - across);
-  const int last = std::min(columns_ - 1, column + across);
-  const int above = std::max(0, row * kUnitsPerTile - down);
-  const int below = std::min(rows_ * kUnitsPerTile, (row + 1) * kUnitsPerTile + down);
+void TileLedger::mark(const Region& cells) {
+  const int first = std::max(0, cells.u_begin) / kTileWidth_px;
+  const int last = std::min(columns_ - 1, (cells.u_end - 1) / kTileWidth_px);
+  const int above = std::max(0, cells.v_begin) / kUnit_px;
+  const int below = std::min(rows_ * kUnitsPerTile, (cells.v_end + kUnit_px - 1) / kUnit_px);
   for (int unit = above; unit < below; ++unit) {
     std::fill_n(affected_.begin() + unit * columns_ + first, last - first + 1, std::uint8_t{1});
   }
@@ -106,15 +147,13 @@ void TileLedger::gather_regions(const HeightMap& map) {
 /// Takes the due ones of a row of tiles, run by run.
 void TileLedger::take_row_of_tiles(const HeightMap& map, int row, Heights& heights) {
   const std::size_t row_start = static_cast<std::size_t>(row) * static_cast<std::size_t>(columns_);
-  std::uint8_t* holes = holes_.data() + row_start;
   std::uint8_t* taken = taken_.data() + row_start;
   for (int column = 0; column < columns_; ++column) {
     const std::size_t tile = row_start + static_cast<std::size_t>(column);
-    holes[column] = static_cast<std::uint8_t>((holes[column] & 1) * 3);
-    taken[column] = due(map, row, tile) ? 1 : 0;
+    taken[column] = due(map, row, column, heights) ? 1 : 0;
     if (!taken[column]) continue;
-    holes[column] &= 2;
     taken_in_[tile] = map.frame;
+    missing_[tile] = 0;
   }
   for (int column = 0; column < columns_; ++column) {
     if (!taken[column]) continue;
@@ -122,7 +161,7 @@ void TileLedger::take_row_of_tiles(const HeightMap& map, int row, Heights& heigh
     while (column < columns_ && taken[column]) ++column;
     const Region cells{first * kTileWidth_px, std::min(column * kTileWidth_px, map.intrinsics.width),
                        row * kTileHeight_px, std::min((row + 1) * kTileHeight_px, map.intrinsics.height)};
-    take_heights(map, cells, heights, holes + first);
+    take_heights(map, cells, heights);
   }
 }
 
@@ -133,10 +172,12 @@ std::span<const Region> TileLedger::take_due(const HeightMap& map, Heights& heig
     for (int row = rows.begin; row < rows.end; ++row) take_row_of_tiles(map, row, heights);
   });
   started_ = true;
-  for (int row = 0; row < rows_; ++row) {
+  const bool all = std::find(taken_.begin(), taken_.end(), std::uint8_t{0}) == taken_.end();
+  if (all) std::fill(affected_.begin(), affected_.end(), std::uint8_t{1});
+  for (int row = 0; row < rows_ && !all; ++row) {
     for (int column = 0; column < columns_; ++column) {
       if (taken_[static_cast<std::size_t>(row) * static_cast<std::size_t>(columns_) + static_cast<std::size_t>(column)])
-        mark_affected(row, column);
+        mark_affected(map, heights, row, column);
     }
   }
   gather_regions(map);

@@ -16,25 +16,27 @@ class TileLedger {
   /// All tiles are due at the next call.
   void forget() { started_ = false; }
 
-  /// Takes the heights of the tiles that are due: those that changed; those that were new and, refined since, have
-  /// seen twice as many frames as when their heights were last taken; and, so that a slow drift is followed, a band of
-  /// all tiles every few frames. The regions whose surfels depend on what was taken.
+  /// Takes the heights of the tiles that are due: those that changed and, unless they are new, of whose cells that were
+  /// steady when they were taken a sixteenth is elsewhere now (what flickers is soon back); those that were new and,
+  /// refined since, have seen twice as many frames as when their heights were last taken; and, so that a slow drift is
+  /// followed, a band of all tiles every few frames. The regions whose surfels depend on what was taken.
   std::span<const Region> take_due(const HeightMap& map, Heights& heights, Workers& workers);
   /// Within the regions of the last call.
   AffectedTiles affected() const { return {affected_.data(), columns_}; }
 
  private:
-  bool due(const HeightMap& map, int row, std::size_t tile) const;
+  bool due(const HeightMap& map, int row, int column, const Heights& heights);
+  bool has_moved(const HeightMap& map, const Region& cells, std::size_t tile, const Heights& heights);
   void take_row_of_tiles(const HeightMap& map, int row, Heights& heights);
-  void mark_affected(int row, int column);
-  void mark_around(int row, int column, int down_px, int across_px);
+  void mark_affected(const HeightMap& map, const Heights& heights, int row, int column);
+  void mark(const Region& cells);
   void gather_regions(const HeightMap& map);
 
   int rows_ = 0;
   int columns_ = 0;
   bool started_ = false;
   std::vector<std::uint32_t> taken_in_;  ///< by tile: the frame in which its heights were taken
-  std::vector<std::uint8_t> holes_;      ///< by tile: bit 0 now, bit 1 before heights were taken
+  std::vector<std::int32_t> missing_;    ///< by tile: so many more steady cells must change for it to be due
   std::vector<std::uint8_t> taken_;      ///< by tile: in this call
   std::vector<std::uint8_t> affected_;   ///< by unit of rows and column of tiles: surfels depend on what was taken now
   std::vector<Region> regions_;

@@ -36,8 +36,7 @@ HeightMap map_of(const Intrinsics& camera, auto depth_at) {
 void fit_all(const HeightMap& map, SurfelWork& work) {
   const EdgeRule rule({}, map.intrinsics.fx_px);
   const WordArea all{0, map.intrinsics.height, 1, (map.intrinsics.width + kMargin_px + 63) / 64};
-  std::vector<std::uint8_t> holes(static_cast<std::size_t>(map.tile_columns()));
-  take_heights(map, {0, map.intrinsics.width, 0, map.intrinsics.height}, work.heights, holes.data());
+  take_heights(map, {0, map.intrinsics.width, 0, map.intrinsics.height}, work.heights);
   compare_cells(work.heights, rule, all, work.fits);
   find_borders(work.heights, rule, all, work.fits);
   fit_windows(all, work.fits, work.bands[0].spread);

@@ -86,7 +86,6 @@ TEST(SurfelFinder, LosesNothingToTheScreenOnBends) {
   stream.hole_share = 0.01;
   HeightMap map = make_height_map(kCamera);
   const Region all{0, 320, 0, 240};
-  std::vector<std::uint8_t> holes(static_cast<std::size_t>(map.tile_columns() * map.tile_rows()));
   Workers alone(1);
   for (const double radius_max_m : {0.04, 0.1}) {
     SurfelOptions options;
@@ -95,7 +94,7 @@ TEST(SurfelFinder, LosesNothingToTheScreenOnBends) {
       update(map, stream.next(), {}, {}, frame % 2 == 0);
       SurfelWork screened;
       prepare(map, 1, screened);
-      take_heights(map, all, screened.heights, holes.data());
+      take_heights(map, all, screened.heights);
       SurfelWork full;
       prepare(map, 1, full);
       full.heights = screened.heights;

@@ -141,6 +141,35 @@ TEST(PredictPixels, OfABentTubeAreWhereARayWalkedInSmallStepsEnters) {
   }
 }
 
+TEST(PredictPixels, WhereTheLineIsTakenAsStraightAreNoFartherOffThanItIsBent) {
+  std::mt19937_64 random(7);
+  const double radius = 0.025;
+  const double straight = 0.003;
+  const HeightMap map = make_height_map(kCamera);
+  for (const Course course : {Course::straight, Course::torus, Course::s_bend}) {
+    std::vector<Vector3d> line;
+    for (const AxisPoint& point : course_points(course, radius, 0.005, random_pose(random)))
+      line.push_back(point.position_m);
+    const TubeModel model{spline_along(line, 1.25 * radius), radius};
+    PredictedPixels longer;
+    predict_pixels(map, NoiseModel{}, model, 1, longer, straight);
+    std::map<std::uint32_t, PredictedPixel> predicted;
+    for (const PredictedPixel& pixel : predict_pixels(map, NoiseModel{}, model)) predicted.emplace(pixel.cell, pixel);
+    std::size_t both = 0;
+    for (const PredictedPixel& pixel : longer) {
+      const auto found = predicted.find(pixel.cell);
+      if (found == predicted.end()) continue;
+      ++both;
+      if (pixel.cos_incidence < 0.5F) continue;
+      EXPECT_NEAR(pixel.depth_m, found->second.depth_m, 2.0 * straight * radius) << pixel.cell;
+      EXPECT_NEAR(pixel.t, found->second.t, 0.02) << pixel.cell;
+    }
+    ASSERT_GT(both, 300U);
+    EXPECT_GT(both, 0.99 * static_cast<double>(predicted.size()));
+    EXPECT_GT(both, 0.99 * static_cast<double>(longer.size()));
+  }
+}
+
 TEST(PredictPixels, WithAStrideAreEverySoManiethOfAll) {
   std::mt19937_64 random(7);
   const HeightMap map = make_height_map(kCamera);

@@ -17,6 +17,7 @@ namespace {
 
 constexpr double kEndTrim = 0.6;  // spans
 constexpr double kRoundness = 3e-4;
+constexpr double kStraight = 0.003;  // radii, far below the noise of a reading
 
 FitOptions fit_options(const TrackerConfig& config, const FollowedTube& tube, const Information* prior) {
   FitOptions options;
@@ -31,7 +32,7 @@ FitOptions fit_options(const TrackerConfig& config, const FollowedTube& tube, co
 }  // namespace
 
 void predict(FollowedTube& tube, const HeightMap& map, const TrackerConfig& config, const TubeModel& model) {
-  predict_pixels(map, config.noise, model, 1, tube.pixels);
+  predict_pixels(map, config.noise, model, 1, tube.pixels, kStraight);
   tube.predicted = model;
 }
 

@@ -26,23 +26,41 @@ struct Piece {
 };
 
 constexpr double kSpansPerPiece = 0.5;
+constexpr int kMostStepsPerPiece = 8;            // where the line is straight
 constexpr double kSpansPerVaryingPiece = 0.125;  // a taper of 10 % is a step of 1.5 % of the radius then
 
-RecycledVector<Piece> cut_into_pieces(const TubeModel& model) {
-  const double spans_per_piece = model.profile.offset_m.empty() ? kSpansPerPiece : kSpansPerVaryingPiece;
-  const int count = static_cast<int>(std::lround(model.spline.spans() / spans_per_piece));
+/// How many steps from `first` on one straight piece may stand for.
+int steps_in_line(const RecycledVector<Eigen::Vector3d>& points_m, int first, double off_m) {
+  const auto at = [&](int i) -> const Eigen::Vector3d& { return points_m[static_cast<std::size_t>(i)]; };
+  const int most = std::min(kMostStepsPerPiece, static_cast<int>(points_m.size()) - 1 - first);
+  for (int steps = 2; steps <= most; ++steps) {
+    const Eigen::Vector3d step = (at(first + steps) - at(first)) / steps;
+    for (int i = 1; i < steps; ++i) {
+      if ((at(first + i) - at(first) - i * step).squaredNorm() > off_m * off_m) return steps - 1;
+    }
+  }
+  return std::max(1, most);
+}
+
+RecycledVector<Piece> cut_into_pieces(const TubeModel& model, double straight_radii) {
+  const bool varies = !model.profile.offset_m.empty();
+  const double spans_per_step = varies ? kSpansPerVaryingPiece : kSpansPerPiece;
+  const int count = static_cast<int>(std::lround(model.spline.spans() / spans_per_step));
+  RecycledVector<Eigen::Vector3d> points_m(static_cast<std::size_t>(count + 1));
+  for (int i = 0; i <= count; ++i) points_m[static_cast<std::size_t>(i)] = point_at(model.spline, spans_per_step * i);
   RecycledVector<Piece> pieces;
   pieces.reserve(static_cast<std::size_t>(count));
-  Eigen::Vector3d from = point_at(model.spline, 0.0);
-  for (int i = 0; i < count; ++i) {
+  int steps = 1;
+  for (int i = 0; i < count; i += steps) {
+    steps = varies || straight_radii <= 0.0 ? 1 : steps_in_line(points_m, i, straight_radii * model.radius_m);
     Piece piece;
-    piece.start_m = from;
-    piece.end_m = from = point_at(model.spline, spans_per_piece * (i + 1));
+    piece.start_m = points_m[static_cast<std::size_t>(i)];
+    piece.end_m = points_m[static_cast<std::size_t>(i + steps)];
     const double length_m = (piece.end_m - piece.start_m).norm();
     if (length_m < 1e-6) continue;
     piece.axis = (piece.end_m - piece.start_m) / length_m;
-    piece.t_start = spans_per_piece * i;
-    piece.t_length = spans_per_piece;
+    piece.t_start = spans_per_step * i;
+    piece.t_length = spans_per_step * steps;
     piece.radius_m = radius_at(model, piece.t_start + 0.5 * piece.t_length);
     piece.start_mitre = piece.end_mitre = piece.axis;
     pieces.push_back(piece);
@@ -155,10 +173,10 @@ RowPiece row_piece(const Piece& piece) {
   return row;
 }
 
-OutlinedTube outline_all(const Intrinsics& in, const TubeModel& model) {
+OutlinedTube outline_all(const Intrinsics& in, const TubeModel& model, double straight_radii) {
   OutlinedTube all;
   all.all_rows = {in.height, 0};
-  for (const Piece& piece : cut_into_pieces(model)) {
+  for (const Piece& piece : cut_into_pieces(model, straight_radii)) {
     const std::optional<Quad> quad = outline_of(in, piece, piece.radius_m);
     if (!quad) continue;
     const auto [top, bottom] = std::minmax({(*quad)[0].y(), (*quad)[1].y(), (*quad)[2].y(), (*quad)[3].y()});
@@ -241,9 +259,9 @@ void PredictedPixels::make_room(std::size_t pixels) {
 }
 
 void predict_pixels(const HeightMap& map, const NoiseModel& noise, const TubeModel& model, int stride,
-                    PredictedPixels& pixels) {
+                    PredictedPixels& pixels, double straight_radii) {
   const Intrinsics& in = map.intrinsics;
-  const OutlinedTube outlined = outline_all(in, model);
+  const OutlinedTube outlined = outline_all(in, model, straight_radii);
   const Range rows = outlined.all_rows;
   PredictedRow& row = row_for(in.width);
   const bool distorted = in.has_distortion();

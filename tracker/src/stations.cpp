@@ -2,8 +2,10 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 
 #include "shape_sums.hpp"
+#include "station_pixels.hpp"
 #include "tubetrack/tracker/recycled.hpp"
 
 namespace tubetrack {
@@ -39,30 +41,21 @@ RecycledVector<Station> stations_of(const HeightMap& map, const TubeModel& model
   const int count = std::max(1, static_cast<int>(std::ceil(arc_length_m(model.spline, 0.0, spans) / length_m)));
   RecycledVector<Station> stations(static_cast<std::size_t>(count));
   for (int i = 0; i < count; ++i) stations[static_cast<std::size_t>(i)].t = (i + 0.5) * spans / count;
-  RecycledVector<ShapeSums> shapes(stations.size());
-  const double per_span = count / spans;
-  for (const PredictedPixel& pixel : predicted) {
-    if (pixel.cos_incidence < kCos75) continue;
-    const int at = std::clamp(static_cast<int>(pixel.t * per_span), 0, count - 1);
-    Station& station = stations[static_cast<std::size_t>(at)];
-    ++station.expected;
-    const float measured = map.depth_m[pixel.cell];
-    if (measured < 0.0F) {  // taken out, see hide.hpp
-      ++station.before;
-      ++station.anothers;
-    }
-    if (measured <= 0.0F) continue;
-    const double off = measured - pixel.depth_m;
-    const double allowed = agreement_m(model, pixel);
-    add_to_shape(model, pixel, off, shapes[static_cast<std::size_t>(at)]);
-    ++(std::abs(off) <= allowed ? station.agree : off < 0.0 ? station.before : station.behind);
-  }
+  RecycledVector<StationPixels> pixels(stations.size());
+  take_pixels(map.depth_m.data(), model.radius_m, predicted, count / spans, pixels);
   const int around = std::max(1, static_cast<int>(std::lround(0.25 * model.radius_m / length_m)));
   for (int i = 0; i < count; ++i) {
     ShapeSums sum;
     for (int j = std::max(0, i - around); j <= std::min(count - 1, i + around); ++j)
-      sum += shapes[static_cast<std::size_t>(j)];
-    stations[static_cast<std::size_t>(i)].flatness = sum.flatness();
+      sum += pixels[static_cast<std::size_t>(j)].shape;
+    const StationPixels& own = pixels[static_cast<std::size_t>(i)];
+    Station& station = stations[static_cast<std::size_t>(i)];
+    station.expected = std::accumulate(own.count.begin(), own.count.end(), 0);
+    station.agree = own.of(PixelKind::agrees);
+    station.anothers = own.of(PixelKind::anothers);  // taken out, see hide.hpp
+    station.before = own.of(PixelKind::before) + station.anothers;
+    station.behind = own.of(PixelKind::behind);
+    station.flatness = sum.flatness();
   }
   return stations;
 }

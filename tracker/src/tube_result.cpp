@@ -3,6 +3,7 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 
 #include "confidence.hpp"
 #include "tubetrack/tracker/bend_table.hpp"
@@ -40,6 +41,15 @@ void add_node_radius(const FollowedTube& followed, double t, Tube& tube) {
   const Eigen::Vector4d weights = Eigen::Vector4d::Map(basis.value.data());
   const double variance = weights.dot(covariance.block<4, 4>(first, first) * weights);
   tube.node_radius_sigma_m.push_back(std::sqrt(std::max(0.0, variance) + std::pow(kRoundness * radius_m, 2)));
+}
+
+/// Of stations in order of t, the one that a place is nearest to; null where there are none.
+const Station* nearest(const RecycledVector<Station>& stations, double t) {
+  if (stations.empty()) return nullptr;
+  const auto after = std::ranges::lower_bound(stations, t, {}, &Station::t);
+  if (after == stations.begin()) return &*after;
+  const auto before = std::prev(after);
+  return after == stations.end() || t - before->t <= after->t - t ? &*before : &*after;
 }
 
 double mean(const std::vector<double>& values) {
@@ -101,11 +111,8 @@ void set_result(const FollowedTube& followed, const HeightMap& map, Tube& tube) 
   for (int i = 0; i <= spans; ++i) {
     const double t = extent.t_begin + (extent.t_end - extent.t_begin) * i / spans;
     tube.centerline_m.push_back(point_at(spline, t));
-    const auto nearest =
-        std::min_element(followed.stations.begin(), followed.stations.end(),
-                         [&](const Station& a, const Station& b) { return std::abs(a.t - t) < std::abs(b.t - t); });
-    tube.node_visible.push_back(followed.state == TubeState::tracked && nearest != followed.stations.end() &&
-                                nearest->seen());
+    const Station* station = nearest(followed.stations, t);
+    tube.node_visible.push_back(followed.state == TubeState::tracked && station && station->seen());
     add_uncertainty(spline, followed.quality.covariance, t, tube);
     add_node_radius(followed, t, tube);
   }

@@ -22,6 +22,7 @@ struct TubeTracker::State {
   TrackerConfig config;
   Workers workers;
   HeightMap map;
+  bool levels_are_known = false;
   SurfelFinder surfels;
   AccumulationMap votes{0.0};
   CastVotes cast;  // what is in `votes`
@@ -118,6 +119,17 @@ bool TubeTracker::begin(const DepthFrame& frame) {
   return true;
 }
 
+/// How readings are written is the sensor's and the recording's: once a frame has told, a few are asked again.
+void TubeTracker::ask_for_levels(const DepthFrame& frame) {
+  constexpr std::uint32_t kEvery = 8;
+  State& s = *state_;
+  if (s.levels_are_known && s.map.frame % kEvery != 0) return;
+  const std::optional<bool> told = lies_at_disparity_levels(frame, s.config.noise);
+  if (!told) return;
+  s.map.at_disparity_levels = *told;
+  s.levels_are_known = true;
+}
+
 void TubeTracker::follow_known(const DepthFrame& frame) {
   State& s = *state_;
   // A gap in time says nothing of how far a tube may have gone on at its last speed.
@@ -175,7 +187,7 @@ const TubeFrame& TubeTracker::track(const DepthFrame& frame) {
   Stopwatch whole;
   Stopwatch stage;
   update(s.map, frame, s.config.noise, limits_of(s.config), !frame.world_from_camera, s.workers);
-  s.map.at_disparity_levels = lies_at_disparity_levels(frame, s.config.noise).value_or(s.map.at_disparity_levels);
+  ask_for_levels(frame);
   stage.lap(stages.update_ms);
 
   follow_known(frame);  // section 2.3, from where the last frame left each tube

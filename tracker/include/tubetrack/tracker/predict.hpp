@@ -85,9 +85,11 @@ struct PredictedPixels {
 /// Every pixel whose ray meets the tube, once each, in cell order; with `stride` every so manieth in either direction.
 /// Includes pixels without a return.
 PredictedPixels predict_pixels(const HeightMap& map, const NoiseModel& noise, const TubeModel& model, int stride = 1);
-/// The same into a buffer that is used again: fresh memory of this size costs as much as what is written to it.
+/// The same into a buffer that is used again: fresh memory of this size costs as much as what is written to it. The
+/// line is taken as straight, which is quicker, where it is to within so many radii; in any case over half a span,
+/// which in a bend of 5 R bulges by 0.01 R.
 void predict_pixels(const HeightMap& map, const NoiseModel& noise, const TubeModel& model, int stride,
-                    PredictedPixels& pixels);
+                    PredictedPixels& pixels, double straight_radii = 0.0);
 
 /// The pixels to fit: predicted incidence below 75° and so far inside the silhouette that the lateral jitter doesn't
 /// reach it (chosen by prediction, never by residual beyond the gate that keeps other surfaces out), reading within

@@ -30,6 +30,7 @@ class TubeTracker {
   struct State;
   explicit TubeTracker(std::unique_ptr<State> state);
   bool begin(const DepthFrame& frame);
+  void ask_for_levels(const DepthFrame& frame);
   void follow_known(const DepthFrame& frame);
   void report_known();
   std::unique_ptr<State> state_;

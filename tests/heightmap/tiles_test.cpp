@@ -1,0 +1,93 @@
+// When the heights of a tile are taken anew.
+#include "tiles.hpp"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cstdint>
+#include <utility>
+#include <vector>
+
+namespace tubetrack {
+namespace {
+
+constexpr double kUnit = 1e-4;
+
+/// An image of one tile at 0.8 m that has been seen for some time, and the ledger that keeps up with it.
+struct OneTile {
+  int width;
+  int height;
+  HeightMap map;
+  std::vector<std::uint16_t> pixels;
+  SurfelWork work;
+  TileLedger ledger;
+  Workers alone{1};
+
+  explicit OneTile(int tile_width = 16, int tile_height = 16)
+      : width(tile_width),
+        height(tile_height),
+        map(make_height_map({width, height, 570.0, 570.0, 8.0, 8.0, {}})),
+        pixels(static_cast<std::size_t>(width * height), 8000) {
+    prepare(map, 1, work);
+    ledger.start(map);
+    while (map.frame < 65) see();  // what is not yet old is taken again by its age, and in every 64th frame all is
+  }
+
+  std::size_t cells() const { return pixels.size(); }
+  /// Was it taken?
+  bool see() {
+    update(map, {pixels.data(), width, height, static_cast<std::size_t>(width) * 2, kUnit}, {}, {}, true);
+    return !ledger.take_due(map, work.heights, alone).empty();
+  }
+  std::int32_t height_at(std::size_t cell) const {
+    return work.heights.height[work.heights.grid.at(static_cast<int>(cell) % width, static_cast<int>(cell) / width)];
+  }
+};
+
+TEST(Tiles, ASettledTileWhoseCellsComeBackAtOnceIsNotTaken) {
+  OneTile tile;
+  for (std::size_t i = 0; i < 60; ++i) {
+    auto* flickers = tile.pixels.data() + 4 * (i % 32);
+    std::fill_n(flickers, 4, i % 2 == 0 ? std::uint16_t{13000} : std::uint16_t{0});
+    EXPECT_FALSE(tile.see()) << i;
+    std::fill_n(flickers, 4, std::uint16_t{8000});
+  }
+}
+
+TEST(Tiles, ASettledTileIsTakenInTheFrameInWhichASixteenthOfItsCellsIsElsewhere) {
+  for (const auto& [width, height] : {std::pair{16, 16}, {13, 16}, {16, 7}, {5, 9}}) {
+    OneTile tile(width, height);
+    std::size_t moved = 0;
+    while (16 * (moved + 1) < tile.cells()) {
+      tile.pixels[3 * moved] = moved % 2 == 0 ? 7000 : 0;
+      ++moved;
+      EXPECT_FALSE(tile.see()) << width << " x " << height << ", " << moved;
+    }
+    tile.pixels[3 * moved] = 7000;
+    EXPECT_TRUE(tile.see()) << width << " x " << height;
+    EXPECT_NEAR(tile.height_at(3 * moved) * kHeightUnit_per_m, 1.0 / 0.7, kHeightUnit_per_m);
+    EXPECT_FALSE(tile.see());
+  }
+}
+
+TEST(Tiles, ANewTileIsTakenWithEveryChangeForEightFrames) {
+  OneTile tile;
+  std::fill_n(tile.pixels.begin(), 64, std::uint16_t{7000});
+  EXPECT_TRUE(tile.see());
+  for (std::size_t i = 1; i < 8; ++i) {
+    tile.pixels[100 + i] = 7000;
+    EXPECT_TRUE(tile.see()) << i;
+  }
+}
+
+// At a silhouette few cells are ever steady.
+TEST(Tiles, WhatComesAndGoesWithoutEverBeingSteadyIsNotTakenAgain) {
+  OneTile tile;
+  for (int frame = 0; frame < 60; ++frame) {
+    std::fill_n(tile.pixels.begin(), 40, frame % 2 == 0 ? std::uint16_t{0} : std::uint16_t{8000});
+    EXPECT_EQ(tile.see(), frame == 0) << frame;  // then they had been steady
+  }
+}
+
+}  // namespace
+}  // namespace tubetrack
