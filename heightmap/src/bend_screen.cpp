@@ -24,14 +24,11 @@ HWY_INLINE V Difference(const Between& between, const float* before, const float
                  hn::IfThenElse(between.before, hn::LoadU(d, before), center));
 }
 
-/// Second derivatives of the inverse depth, rows stretched to the columns' scale, and the most that one over the pixels
-/// between the planes came to.
-struct Bend {
-  V uu, vv, mixed;
-  V per_px;
-};
-
-HWY_INLINE Bend BendAt(const Neighbourhood& n, int i, const Between& across, const Between& down, float aspect) {
+/// Whether the inverse depth bends down in some direction by more than `sigmas` of the second difference's noise, and
+/// by more than `least` (1/m per pixel squared): whether its second derivatives plus that limit are not positive
+/// definite.
+HWY_INLINE M BendsDown(const Neighbourhood& n, int i, const Between& across, const Between& down, float aspect,
+                       float sigmas, float least) {
   const int h = n.half;
   const float* u = n.row.slope_u + i;
   const float* v = n.row.slope_v + i;
@@ -40,27 +37,13 @@ HWY_INLINE Bend BendAt(const Neighbourhood& n, int i, const Between& across, con
   const V vv = hn::Mul(Difference(down, n.above.slope_v + i, v, n.below.slope_v + i), hn::Mul(per_row, Set(aspect)));
   const V vu = hn::Mul(Difference(across, v - h, v, v + h), hn::Mul(across.per_px, Set(aspect)));
   const V uv = hn::Mul(Difference(down, n.above.slope_u + i, u, n.below.slope_u + i), per_row);
-  return {uu, vv, hn::Mul(Set(0.5F), hn::Add(uv, vu)), hn::Max(across.per_px, down.per_px)};
-}
-
-/// Whether the inverse depth bends down in some direction by more than `sigmas` of the second difference's noise, and
-/// by more than `least` (1/m per pixel squared): whether its second derivatives plus that limit are not positive
-/// definite.
-HWY_INLINE M BendsDown(const Bend& bend, V slope_sigma, float sigmas, float least) {
-  const V noise = hn::Mul(hn::Mul(slope_sigma, Set(sigmas * kRoot2)), bend.per_px);
+  const V mixed = hn::Mul(Set(0.5F), hn::Add(uv, vu));
+  const V noise = hn::Mul(hn::Mul(hn::LoadU(D(), n.row.slope_sigma + i), Set(sigmas * kRoot2)),
+                          hn::Max(across.per_px, down.per_px));
   const V limit = hn::Max(noise, Set(least));
-  const V a = hn::Add(bend.uu, limit);
-  const V b = hn::Add(bend.vv, limit);
-  return hn::Or(hn::Le(a, hn::Zero(D())), hn::Le(hn::Mul(a, b), hn::Mul(bend.mixed, bend.mixed)));
-}
-
-HWY_INLINE V SteepnessAt(const PlaneRow& row, int i) {
-  return Steepness2(hn::LoadU(D(), row.slope_u + i), hn::LoadU(D(), row.slope_v + i));
-}
-
-HWY_INLINE V LeastSteepness(const Neighbourhood& n, int i) {
-  const V across = hn::Min(SteepnessAt(n.row, i - n.half), SteepnessAt(n.row, i + n.half));
-  return hn::Min(SteepnessAt(n.row, i), hn::Min(across, hn::Min(SteepnessAt(n.above, i), SteepnessAt(n.below, i))));
+  const V a = hn::Add(uu, limit);
+  const V b = hn::Add(vv, limit);
+  return hn::Or(hn::Le(a, hn::Zero(D())), hn::Le(hn::Mul(a, b), hn::Mul(mixed, mixed)));
 }
 
 int ListCandidates(const SurfelRule& rule, const Neighbourhood& n, int begin, int end, const std::uint64_t* found,
@@ -82,12 +65,7 @@ int ListCandidates(const SurfelRule& rule, const Neighbourhood& n, int begin, in
     const Between down = Spread(hn::LoadU(d, n.above.slope_u + i), hn::LoadU(d, n.below.slope_u + i), n.half);
     open = hn::And(open, hn::And(across.known, down.known));
     if (hn::AllFalse(d, open)) continue;
-    const Bend bend = BendAt(n, i, across, down, aspect);
-    const V sigma = hn::LoadU(d, n.row.slope_sigma + i);
-    open = hn::And(open, BendsDown(bend, sigma, screen_sigmas, rule.screen_bend_per_m));
-    if (hn::AllFalse(d, open)) continue;
-    const V flat_sigma = FlatSlopeSigma(rule.lateral_px, n.half, sigma, LeastSteepness(n, i));
-    open = hn::And(open, BendsDown(bend, flat_sigma, screen_sigmas, rule.screen_bend_per_m));
+    open = hn::And(open, BendsDown(n, i, across, down, aspect, screen_sigmas, rule.screen_bend_per_m));
     for (std::uint64_t bits = Bits(open); bits != 0; bits &= bits - 1) candidates[count++] = i + std::countr_zero(bits);
   }
   return count;
