@@ -40,7 +40,6 @@ namespace {
 // Seeds that may fail in a frame before the search is left to the next; the first frame may be all there is.
 constexpr int kFailuresAtFirst = 60;
 constexpr int kFailuresLater = 10;
-constexpr int kFailuresInHalf = 5;
 // Wider ones show their curvature.
 constexpr double kWidestStrip_px = 16.0;
 
@@ -194,11 +193,8 @@ const TubeFrame& TubeTracker::track(const DepthFrame& frame) {
   stage.lap(stages.fit_ms);
 
   SurfelOptions options = surfel_options(s.config);
-  int max_failures = s.known.first_frame ? kFailuresAtFirst : kFailuresLater;
-  if (frame.world_from_camera && !s.known.first_frame) {
-    choose_rows(s.search_turn++, frame.height, options);
-    max_failures = kFailuresInHalf;
-  }
+  const int max_failures = s.known.first_frame ? kFailuresAtFirst : kFailuresLater;
+  if (frame.world_from_camera && !s.known.first_frame) choose_rows(s.search_turn++, frame.height, options);
   const std::span<const Surfel> surfels = s.surfels.find(s.map, s.config.noise, options, s.explained, s.workers);
   stage.lap(stages.normals_ms);
 
