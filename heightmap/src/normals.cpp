@@ -14,6 +14,7 @@ struct SurfelFinder::State {
   TileLedger tiles;
   std::optional<SurfelRule> rule;  ///< of the last frame
   std::optional<EdgeRule> edge_rule;
+  Part rows;
   std::vector<Surfel> surfels;
   StripWork strips;
   std::vector<Surfel> with_strips;
@@ -32,10 +33,17 @@ Surfel surfel_of(const FoundSurfel& found, std::size_t cell) {
   return surfel;
 }
 
-void list_surfels(const SurfelWork& work, std::span<const std::uint8_t> skip, std::vector<Surfel>& out) {
+Part wanted_rows(const HeightMap& map, const SurfelOptions& options) {
+  const int height = map.intrinsics.height;
+  const int begin = std::clamp(options.v_begin, 0, height);
+  return {begin, std::clamp(options.v_end, begin, height)};
+}
+
+void list_surfels(const SurfelWork& work, const Part& rows, std::span<const std::uint8_t> skip,
+                  std::vector<Surfel>& out) {
   const Grid& grid = work.heights.grid;
   out.clear();
-  for (int v = 0; v < grid.height; ++v) {
+  for (int v = rows.begin; v < rows.end; ++v) {
     const std::size_t row = static_cast<std::size_t>(v) * static_cast<std::size_t>(grid.width);
     const FoundSurfel* found = work.found.get() + row;
     for (int i = 0; i < work.found_count[static_cast<std::size_t>(v)]; ++i) {
@@ -65,15 +73,18 @@ std::span<const Surfel> SurfelFinder::find(const HeightMap& map, const NoiseMode
   }
   const SurfelRule rule(map.intrinsics, s.work.longest_ray2, noise, options);
   const EdgeRule edge_rule(noise, map.intrinsics.fx_px);
-  if (s.rule != rule || s.edge_rule != edge_rule) s.tiles.forget();
+  const Part rows = wanted_rows(map, options);
+  // What is kept is so of the rows that were wanted alone.
+  if (s.rule != rule || s.edge_rule != edge_rule || s.rows != rows) s.tiles.forget();
   s.rule = rule;
   s.edge_rule = edge_rule;
+  s.rows = rows;
   const std::span<const Region> regions = s.tiles.take_due(map, s.work.heights, workers);
-  find_in_regions(rule, edge_rule, regions, s.tiles.affected(), s.work, workers);
-  list_surfels(s.work, skip, s.surfels);
+  find_in_regions(rule, edge_rule, regions, s.tiles.affected(), rows, s.work, workers);
+  list_surfels(s.work, rows, skip, s.surfels);
   if (options.widest_strip_px <= 0.0) return s.surfels;
   // Where there are both, what the surface itself says counts.
-  const auto strips = strip_surfels(map, s.work.heights, s.work.fits.edges, rule.noise, options, skip, s.strips);
+  const auto strips = strip_surfels(map, s.work.heights, s.work.fits.edges, rows, rule.noise, options, skip, s.strips);
   if (strips.empty()) return s.surfels;
   s.with_strips.clear();
   std::ranges::set_union(s.surfels, strips, std::back_inserter(s.with_strips), {}, &Surfel::cell, &Surfel::cell);

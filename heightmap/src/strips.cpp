@@ -61,8 +61,9 @@ void add_run(const Lines& lines, StripRun run, const SurfelOptions& options, std
     out.push_back(run);
 }
 
-void runs_of_rows(const Lines& lines, const Edges& edges, const SurfelOptions& options, std::vector<StripRun>& out) {
-  for (int v = 0; v < lines.count(); ++v) {
+void runs_of_rows(const Lines& lines, const Edges& edges, const Part& rows, const SurfelOptions& options,
+                  std::vector<StripRun>& out) {
+  for (int v = rows.begin; v < rows.end; ++v) {
     const std::uint64_t* valid = edges.valid.row(v);
     const std::uint64_t* right = edges.right.row(v);
     int begin = 0;
@@ -81,11 +82,11 @@ void runs_of_rows(const Lines& lines, const Edges& edges, const SurfelOptions& o
   }
 }
 
-void runs_of_columns(const Lines& lines, const Edges& edges, const SurfelOptions& options, std::vector<int>& open,
-                     std::vector<StripRun>& out) {
+void runs_of_columns(const Lines& lines, const Edges& edges, const Part& rows, const SurfelOptions& options,
+                     std::vector<int>& open, std::vector<StripRun>& out) {
   const int height = lines.length();
   open.assign(static_cast<std::size_t>(lines.count()), 0);
-  for (int v = 0; v < height; ++v) {
+  for (int v = rows.begin; v < rows.end; ++v) {
     const std::uint64_t* valid = edges.valid.row(v);
     for (int i = 1; i + 1 < edges.valid.grid.words(); ++i) {
       const std::uint64_t below = v + 1 < height ? edges.valid.row(v + 1)[i] : 0;
@@ -153,15 +154,16 @@ std::optional<StripPiece> piece_of(const Lines& lines, const StripRun& run, cons
   return piece;
 }
 
-void add_surfels(const Lines& lines, const StripRun& run, const StripPiece& piece, const AxialNoise& noise,
-                 const SurfelOptions& options, std::vector<Surfel>& out) {
+void add_surfels(const Lines& lines, const StripRun& run, const StripPiece& piece, const Part& rows,
+                 const AxialNoise& noise, const SurfelOptions& options, std::vector<Surfel>& out) {
   const float radius_m = piece.half_width_px * run.depth_m / static_cast<float>(lines.map.intrinsics.fx_px);
   const auto low = std::max(0.75F * radius_m, static_cast<float>(options.radius_min_m));
   const auto high = std::min(1.3F * radius_m, static_cast<float>(options.radius_max_m));
   if (low > high) return;
   for (int at = run.begin; at < run.end; ++at) {
     const float lateral = (static_cast<float>(at) - piece.middle) * piece.cosine / piece.half_width_px;
-    if (std::abs(lateral) > 0.9F) continue;
+    const int v = lines.v(run.line, at);
+    if (std::abs(lateral) > 0.9F || v < rows.begin || v >= rows.end) continue;
     const std::size_t cell = lines.cell(run.line, at);
     const Eigen::Vector3f ray(lines.map.rays[cell].x(), lines.map.rays[cell].y(), 1.0F);
     Eigen::Vector3f across = piece.axis.cross(ray).normalized();
@@ -182,7 +184,7 @@ void add_surfels(const Lines& lines, const StripRun& run, const StripPiece& piec
   }
 }
 
-void add_strips(const Lines& lines, const AxialNoise& noise, const SurfelOptions& options,
+void add_strips(const Lines& lines, const Part& rows, const AxialNoise& noise, const SurfelOptions& options,
                 std::span<const std::uint8_t> skip, StripWork& work, std::vector<Surfel>& out) {
   work.first_of_line.assign(static_cast<std::size_t>(lines.count()) + 1, 0);
   for (const StripRun& run : work.runs) ++work.first_of_line[static_cast<std::size_t>(run.line) + 1];
@@ -198,29 +200,32 @@ void add_strips(const Lines& lines, const AxialNoise& noise, const SurfelOptions
     if (width_px < static_cast<float>(options.narrowest_strip_px) ||
         width_px > static_cast<float>(options.widest_strip_px))
       continue;
-    add_surfels(lines, run, *piece, noise, options, out);
+    add_surfels(lines, run, *piece, rows, noise, options, out);
   }
 }
 
 }  // namespace
 
 std::span<const Surfel> strip_surfels(const HeightMap& map, const Heights& heights, const Edges& edges,
-                                      const AxialNoise& noise, const SurfelOptions& options,
+                                      const Part& rows, const AxialNoise& noise, const SurfelOptions& options,
                                       std::span<const std::uint8_t> skip, StripWork& work) {
   // Strips may be rare: their first frame should ask for no memory either.
   const std::size_t room = map.rays.size() / 16;
   work.runs.reserve(room);
   for (std::vector<Surfel>* surfels : {&work.of_rows, &work.of_columns, &work.surfels}) surfels->reserve(room);
-  const Lines rows{map, heights, false};
+  const auto with_beside = [&](int px) {
+    return Part{std::max(0, rows.begin - px), std::min(map.intrinsics.height, rows.end + px)};
+  };
+  const Lines along_rows{map, heights, false};
   work.runs.clear();
   work.of_rows.clear();
-  runs_of_rows(rows, edges, options, work.runs);
-  add_strips(rows, noise, options, skip, work, work.of_rows);
-  const Lines columns{map, heights, true};
+  runs_of_rows(along_rows, edges, with_beside(kAside), options, work.runs);
+  add_strips(along_rows, rows, noise, options, skip, work, work.of_rows);
+  const Lines along_columns{map, heights, true};
   work.runs.clear();
   work.of_columns.clear();
-  runs_of_columns(columns, edges, options, work.open, work.runs);
-  add_strips(columns, noise, options, skip, work, work.of_columns);
+  runs_of_columns(along_columns, edges, with_beside(kEdgesForStrips_px), options, work.open, work.runs);
+  add_strips(along_columns, rows, noise, options, skip, work, work.of_columns);
   std::ranges::sort(work.of_columns, {}, &Surfel::cell);  // of the rows they are in cell order
   // Of two in one cell the rows' stays.
   work.surfels.clear();

@@ -25,11 +25,15 @@ struct StripWork {
   std::vector<Surfel> of_rows, of_columns, surfels;
 };
 
+/// How far beside the wanted rows edges must be known: a strip across them is no longer.
+inline constexpr int kEdgesForStrips_px = 36;
+
 /// A tube too narrow for windows shows by both silhouettes instead: surfels of narrow strips that stand out from what
 /// is behind them, each as if the strip's section were a half circle. (Whether it is one, the fit has to tell.) In cell
-/// order, one a cell at most, valid until the next call; `skip` as for SurfelFinder::find.
+/// order, one a cell at most, in some rows alone, valid until the next call; `skip` as for SurfelFinder::find. `edges`
+/// are known up to kEdgesForStrips_px beside the rows.
 std::span<const Surfel> strip_surfels(const HeightMap& map, const Heights& heights, const Edges& edges,
-                                      const AxialNoise& noise, const SurfelOptions& options,
+                                      const Part& rows, const AxialNoise& noise, const SurfelOptions& options,
                                       std::span<const std::uint8_t> skip, StripWork& work);
 
 }  // namespace tubetrack

@@ -110,15 +110,24 @@ std::int64_t work_above(std::span<const Region> regions, int v) {
   return sum;
 }
 
-/// The i-th of `count` bands of rows, each of about as much work.
-Part band_of(std::span<const Region> regions, int height, int i, int count) {
-  const std::int64_t all = work_above(regions, height);
+/// The i-th of `count` bands of some rows, each of about as much work.
+Part band_of(std::span<const Region> regions, const Part& rows, int i, int count) {
+  const std::int64_t before = work_above(regions, rows.begin);
+  const std::int64_t all = work_above(regions, rows.end) - before;
   const auto first_row = [&](int band) {
-    const auto rows = std::views::iota(0, height);
-    return *std::ranges::partition_point(rows, [&](int v) { return work_above(regions, v) * count < all * band; });
+    const auto of = std::views::iota(rows.begin, rows.end);
+    return *std::ranges::partition_point(of,
+                                         [&](int v) { return (work_above(regions, v) - before) * count < all * band; });
   };
-  return {i == 0 ? 0 : first_row(i), i + 1 == count ? height : first_row(i + 1)};
+  return {i == 0 ? rows.begin : first_row(i), i + 1 == count ? rows.end : first_row(i + 1)};
 }
+
+/// What surfels of some rows depend on in rows beside them: windows that fit, and in these edges and where holes are
+/// near, which takes comparing a row more.
+constexpr int kWindowsBeside_px = kSurfelReach_px;
+constexpr int kEdgesBeside_px = kWindowsBeside_px + kSurfelReach_px;
+constexpr int kComparedBeside_px = kEdgesBeside_px + 1;
+static_assert(kComparedBeside_px > kSurfelReach_px + kGapLimit_px);
 
 }  // namespace
 
@@ -166,10 +175,11 @@ void prepare(const HeightMap& map, int threads, SurfelWork& work) {
 }
 
 void find_in_regions(const SurfelRule& rule, const EdgeRule& edge_rule, std::span<const Region> regions,
-                     const AffectedTiles& affected, SurfelWork& work, Workers& workers) {
-  const auto each = [&](const auto& step) {
+                     const AffectedTiles& affected, const Part& wanted, SurfelWork& work, Workers& workers) {
+  const auto each = [&](int beside_px, const auto& step) {
+    const Part all{std::max(0, wanted.begin - beside_px), std::min(work.heights.grid.height, wanted.end + beside_px)};
     workers.run([&](int i) {
-      const Part rows = band_of(regions, work.heights.grid.height, i, workers.count());
+      const Part rows = band_of(regions, all, i, workers.count());
       for (Region region : regions) {
         region.v_begin = std::max(region.v_begin, rows.begin);
         region.v_end = std::min(region.v_end, rows.end);
@@ -177,10 +187,13 @@ void find_in_regions(const SurfelRule& rule, const EdgeRule& edge_rule, std::spa
       }
     });
   };
-  each([&](const Region& region, BandWork&) { compare_cells(work.heights, edge_rule, words_of(region), work.fits); });
-  each([&](const Region& region, BandWork&) { find_borders(work.heights, edge_rule, words_of(region), work.fits); });
-  each([&](const Region& region, BandWork& band) { fit_windows(words_of(region), work.fits, band.spread); });
-  each([&](const Region& region, BandWork& band) { find_in_region(rule, region, affected, band, work); });
+  each(kComparedBeside_px,
+       [&](const Region& region, BandWork&) { compare_cells(work.heights, edge_rule, words_of(region), work.fits); });
+  each(kEdgesBeside_px,
+       [&](const Region& region, BandWork&) { find_borders(work.heights, edge_rule, words_of(region), work.fits); });
+  each(kWindowsBeside_px,
+       [&](const Region& region, BandWork& band) { fit_windows(words_of(region), work.fits, band.spread); });
+  each(0, [&](const Region& region, BandWork& band) { find_in_region(rule, region, affected, band, work); });
 }
 
 }  // namespace tubetrack

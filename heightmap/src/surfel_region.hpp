@@ -65,10 +65,10 @@ void take_heights(const HeightMap& map, const Region& region, Heights& out);
 /// another height by more than 5σ. What flickers is, most of the time, back where it was.
 int count_moved(const HeightMap& map, const Region& tile, const Heights& taken);
 
-/// Finds the surfels of some regions anew, where heights that they depend on have changed. Each thread has a band of
-/// rows, so that all bands are about as much work; as sums are exact, what is found does not depend on where they
-/// begin.
+/// Finds the surfels of some regions anew, in the wanted rows, where heights that they depend on have changed. Each
+/// thread has a band of rows, so that all bands are about as much work; as sums are exact, what is found does not
+/// depend on where they begin.
 void find_in_regions(const SurfelRule& rule, const EdgeRule& edge_rule, std::span<const Region> regions,
-                     const AffectedTiles& affected, SurfelWork& work, Workers& workers);
+                     const AffectedTiles& affected, const Part& wanted, SurfelWork& work, Workers& workers);
 
 }  // namespace tubetrack

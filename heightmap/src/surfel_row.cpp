@@ -116,12 +116,35 @@ HWY_INLINE Facet FacetAt(const SurfelRule& rule, const Neighbourhood& n, const P
 }
 
 /// Greater curvature (1/m, convex towards the camera positive) and its σ, from how the normal turns between the planes
-/// to either side.
+/// to either side; and the σ if this is a plane.
 struct Curvature {
   M known;
   V greater_per_m;
   V sigma_per_m;
+  V flat_sigma_per_m;
 };
+
+/// |slope|² per pixel of a row's planes at some places; huge where there is none.
+HWY_INLINE V Steepness2(const PlaneRow& row, VI places) {
+  const V slope_u = At(row.slope_u, places);
+  const V slope_v = At(row.slope_v, places);
+  return hn::Add(hn::Mul(slope_u, slope_u), hn::Mul(slope_v, slope_v));
+}
+
+/// σ of a slope, per pixel, if all this is a plane: what depths jitter, and on a slope also what readings jitter
+/// sideways. A plane is as steep everywhere, so the flattest of the windows counts: of what may be a tube that leaves
+/// its flanks a vote. The second part is one frame's, however many were fused: it averages out as well, but the levels
+/// that a sensor rounds to stay, and on a slope they bend (of a table 2 to 3 % of the cells would vote after a second).
+HWY_INLINE V FlatSlopeSigma(const SurfelRule& rule, const Neighbourhood& n, VI places) {
+  const float side = static_cast<float>(2 * n.half + 1);
+  const float moment_px2 = side * side * static_cast<float>(n.half * (n.half + 1)) / 3.0F;
+  const V across = hn::Min(Steepness2(n.row, Beside(places, -n.half)), Steepness2(n.row, Beside(places, n.half)));
+  const V down = hn::Min(Steepness2(n.above, places), Steepness2(n.below, places));
+  const V steep = hn::Min(Steepness2(n.row, places), hn::Min(across, down));
+  const V axial = At(n.row.slope_sigma, places);
+  const V sideways = hn::Mul(steep, Set(rule.lateral_px * rule.lateral_px / moment_px2));
+  return hn::Sqrt(hn::Add(hn::Mul(axial, axial), sideways));
+}
 
 HWY_INLINE Curvature CurvatureOf(const SurfelRule& rule, const Neighbourhood& n, VI places, const Facet& middle) {
   const int h = n.half;
@@ -166,9 +189,10 @@ HWY_INLINE Curvature CurvatureOf(const SurfelRule& rule, const Neighbourhood& n,
   const V off = hn::Mul(half, hn::Add(k01, k10));
   const V side = hn::Mul(half, hn::Sub(k00, k11));
   const V spread = hn::Sqrt(hn::Add(hn::Mul(side, side), hn::Mul(off, off)));
-  const V slope_sigma = hn::Mul(At(n.row.slope_sigma, places), middle.px_per_ray);
-  const V angle_sigma = hn::Div(hn::Mul(slope_sigma, Set(kRoot2)), middle.norm);
-  return {known, hn::Add(mean, spread), hn::Div(angle_sigma, hn::Min(length_u, length_v))};
+  const V per_slope =
+      hn::Div(hn::Mul(middle.px_per_ray, Set(kRoot2)), hn::Mul(middle.norm, hn::Min(length_u, length_v)));
+  return {known, hn::Add(mean, spread), hn::Mul(At(n.row.slope_sigma, places), per_slope),
+          hn::Mul(FlatSlopeSigma(rule, n, places), per_slope)};
 }
 
 /// The lanes of surfels, on their way from vectors to structs.
@@ -197,7 +221,7 @@ std::uint64_t Surfels(const SurfelRule& rule, const Neighbourhood& n, VI places,
   const V two_sigma = hn::Mul(Set(kBandSigmas), k.sigma_per_m);
   const V low = hn::Div(Set(kLowShare), hn::Add(k.greater_per_m, two_sigma));
   const V high = hn::Div(Set(1.25F), hn::Sub(k.greater_per_m, two_sigma));
-  M good = hn::And(k.known, hn::Ge(k.greater_per_m, hn::Mul(Set(rule.gate_sigmas), k.sigma_per_m)));
+  M good = hn::And(k.known, hn::Ge(k.greater_per_m, hn::Mul(Set(rule.gate_sigmas), k.flat_sigma_per_m)));
   good = hn::And(good, hn::Le(hn::Mul(k.greater_per_m, half_m), Set(0.8F)));  // no wider than the tube it suggests
   good = hn::And(good, hn::And(hn::Ge(high, Set(rule.radius_min_m)), hn::Le(low, Set(rule.radius_max_m))));
   const std::uint64_t bits = Bits(good);
@@ -248,6 +272,7 @@ SurfelRule::SurfelRule(const Intrinsics& in, float longest_ray2, const NoiseMode
       cx_px(static_cast<float>(in.cx_px)),
       cy_px(static_cast<float>(in.cy_px)),
       distorted(in.has_distortion()),
+      lateral_px(static_cast<float>(model.lateral_px)),
       gate_sigmas(static_cast<float>(options.gate_sigmas)),
       screen_sigmas(gate_sigmas / std::sqrt(1.0F + longest_ray2)),
       radius_min_m(static_cast<float>(options.radius_min_m)),

@@ -26,6 +26,7 @@ struct SurfelRule {
   float cx_px = 0.0F;
   float cy_px = 0.0F;
   bool distorted = false;
+  float lateral_px = 0.0F;  ///< NoiseModel's
   float gate_sigmas = 0.0F;
   /// Gates on second differences in the image, before any normal is computed: on their noise, and on how inverse depth
   /// bends, in 1/m per pixel (along u) squared. A ray aside meets a surface that leans its way in shorter steps, and

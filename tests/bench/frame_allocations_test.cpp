@@ -1,6 +1,7 @@
 // How often the tracker asks for memory in a frame, once it has seen some.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <numeric>
 #include <vector>
 
@@ -48,7 +49,8 @@ TEST(FrameAllocations, OfAMovingTubeAreNone) {
 TEST(FrameAllocations, OfAMovingCameraAreThoseOfABufferThatGrows) {
   const std::vector<double> counts = allocations_a_frame(moving_camera_scene());
   EXPECT_EQ(median(counts), 0.0);
-  EXPECT_LE(sum(counts), 2.0);
+  EXPECT_LE(std::ranges::count_if(counts, [](double count) { return count > 0.0; }), 2);
+  EXPECT_LE(sum(counts), 4.0);  // what grows may have several columns
 }
 
 }  // namespace

@@ -325,5 +325,36 @@ TEST(TubeSurfels, OfANoisyFlatWallAreFew) {
   }
 }
 
+TEST(TubeSurfels, OfANoisySlantedTableAreFew) {
+  const NoiseModel noise;
+  for (const double slant_rad : {0.5, 0.8, 1.1}) {
+    std::mt19937_64 random(5);
+    std::normal_distribution<double> gauss;
+    const Vector3d normal(0.0, std::sin(slant_rad), std::cos(slant_rad));
+    const HeightMap map = map_of(kCamera, [&](const Vector3d& ray) {
+      const double px = noise.lateral_px / kCamera.fx_px;
+      const double depth =
+          plane_depth(normal, 0.8 * normal.z(), ray + Vector3d(px * gauss(random), px * gauss(random), 0.0));
+      return depth + axial_sigma_m(noise, depth, 0.0) * gauss(random);
+    });
+    const double share = static_cast<double>(tube_surfels(map, noise, {}).size()) / (640.0 * 480.0);
+    std::printf("table at %.1f rad: %.3f %% of the pixels\n", slant_rad, 100.0 * share);
+    EXPECT_LT(share, 0.003) << slant_rad;
+  }
+}
+
+TEST(TubeSurfels, AFlankVotesThoughItsReadingsJitterSideways) {
+  // As many as without that noise in the model: the flattest window beside a flank says what a plane there may be.
+  NoiseModel no_jitter;
+  no_jitter.lateral_px = 0.0;
+  for (const double radius : {0.012, 0.02, 0.035, 0.06}) {
+    const HeightMap map = cylinder(radius, Vector3d(1.0, -0.7, 0.3).normalized());
+    const auto votes = static_cast<double>(tube_surfels(map, {}, {}).size());
+    const double share = votes / static_cast<double>(tube_surfels(map, no_jitter, {}).size());
+    std::printf("R %.0f mm: %.1f %% of the surfels vote\n", 1e3 * radius, 100.0 * share);
+    EXPECT_GT(share, 0.98) << radius;
+  }
+}
+
 }  // namespace
 }  // namespace tubetrack

@@ -5,6 +5,7 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 namespace tubetrack {
 
@@ -108,6 +109,27 @@ Curvature curvature_at(const std::vector<WindowPlane>& planes, std::size_t at, i
   return {true, mean + spread, mean - spread, std::sqrt(2.0) * planes[at].angle_sigma_rad / step};
 }
 
+/// How much larger the σ of a slope is if all this is a plane: by what readings on a slope jitter sideways, where the
+/// flattest of the windows is the slope.
+double sideways_factor(const std::vector<WindowPlane>& planes, std::size_t at, const Intrinsics& in, int half_px,
+                       const NoiseModel& noise) {
+  const auto index = static_cast<std::ptrdiff_t>(at);
+  const std::ptrdiff_t down = static_cast<std::ptrdiff_t>(half_px) * in.width;
+  double least = std::numeric_limits<double>::infinity();
+  for (const std::ptrdiff_t i : {index, index - half_px, index + half_px, index - down, index + down}) {
+    if (i < 0 || i >= static_cast<std::ptrdiff_t>(planes.size())) continue;
+    const WindowPlane& plane = planes[static_cast<std::size_t>(i)];
+    if (plane.angle_sigma_rad <= 0.0) continue;
+    const Eigen::Vector3d per_ray = plane.inward_normal / plane.inward_normal.dot(plane.position_m);
+    least = std::min(least, Eigen::Vector2d(per_ray.x() / in.fx_px, per_ray.y() / in.fy_px).squaredNorm());
+  }
+  const double side = 2.0 * half_px + 1.0;
+  const double moment_px2 = side * side * half_px * (half_px + 1.0) / 3.0;
+  const WindowPlane& plane = planes[at];
+  const double axial_per_px = plane.angle_sigma_rad / plane.inward_normal.dot(plane.position_m) / in.fx_px;
+  return std::sqrt(1.0 + noise.lateral_px * noise.lateral_px * least / moment_px2 / (axial_per_px * axial_per_px));
+}
+
 }  // namespace
 
 std::vector<std::uint8_t> slow_edge_distances(const HeightMap& map, const NoiseModel& noise) {
@@ -184,7 +206,9 @@ std::vector<Surfel> slow_tube_surfels(const HeightMap& map, const NoiseModel& no
       if (plane.angle_sigma_rad <= 0.0) continue;
       const int half = kWindowHalfSizes_px[scale];
       const Curvature k = curvature_at(scales[scale], at, map.intrinsics.width, half);
-      if (!k.known || k.greater_per_m < options.gate_sigmas * k.sigma_per_m) continue;
+      if (!k.known) continue;
+      const double flat_sigma_per_m = k.sigma_per_m * sideways_factor(scales[scale], at, map.intrinsics, half, noise);
+      if (k.greater_per_m < options.gate_sigmas * flat_sigma_per_m) continue;
       const double half_m = half * plane.position_m.z() / map.intrinsics.fx_px;
       if (k.greater_per_m * half_m > 0.8) continue;  // the window is wider than the tube it suggests
       const double low = 1.0 / (k.greater_per_m + 2.0 * k.sigma_per_m) * 0.8;

@@ -3,7 +3,9 @@
 #include <gtest/gtest.h>
 #include <hwy/highway.h>
 
+#include <array>
 #include <cstring>
+#include <vector>
 
 #include "allocations.hpp"
 #include "heightmap/slow_surfels.hpp"
@@ -66,7 +68,7 @@ TEST(SurfelFinder, IncrementallyFindsBitForBitWhatItFindsAnewInTheSameHeights) {
   for (int frame = 0; frame < 150; ++frame) {
     update(map, patches.next(), {}, {}, true);
     const auto regions = ledger.take_due(map, work.heights, alone);
-    find_in_regions(rule, edge_rule, regions, ledger.affected(), work, alone);
+    find_in_regions(rule, edge_rule, regions, ledger.affected(), {0, 240}, work, alone);
     int cells = 0;
     for (const Region& region : regions) cells += (region.u_end - region.u_begin) * (region.v_end - region.v_begin);
     partial += cells < 320 * 240 ? 1 : 0;
@@ -74,7 +76,7 @@ TEST(SurfelFinder, IncrementallyFindsBitForBitWhatItFindsAnewInTheSameHeights) {
     prepare(map, 1, anew);
     anew.heights = work.heights;
     const Region all{0, 320, 0, 240};
-    find_in_regions(rule, edge_rule, {&all, 1}, {}, anew, alone);
+    find_in_regions(rule, edge_rule, {&all, 1}, {}, {0, 240}, anew, alone);
     ASSERT_TRUE(same_found(work, anew)) << "frame " << frame;
   }
   EXPECT_GT(partial, 100);
@@ -99,10 +101,10 @@ TEST(SurfelFinder, LosesNothingToTheScreenOnBends) {
       prepare(map, 1, full);
       full.heights = screened.heights;
       SurfelRule rule(kCamera, screened.longest_ray2, {}, options);
-      find_in_regions(rule, EdgeRule({}, kCamera.fx_px), {&all, 1}, {}, screened, alone);
+      find_in_regions(rule, EdgeRule({}, kCamera.fx_px), {&all, 1}, {}, {0, 240}, screened, alone);
       ASSERT_GT(rule.screen_bend_per_m, 0.0F);
       rule.screen_bend_per_m = 0.0F;
-      find_in_regions(rule, EdgeRule({}, kCamera.fx_px), {&all, 1}, {}, full, alone);
+      find_in_regions(rule, EdgeRule({}, kCamera.fx_px), {&all, 1}, {}, {0, 240}, full, alone);
       ASSERT_TRUE(same_found(screened, full)) << radius_max_m << ' ' << frame;
     }
   }
@@ -167,6 +169,37 @@ TEST(SurfelFinder, LeavesOutTheCellsToSkip) {
   const auto found = finder.find(map, {}, {}, skip);
   ASSERT_EQ(found.size(), wanted.size());
   for (std::size_t i = 0; i < wanted.size(); ++i) EXPECT_EQ(found[i].cell, wanted[i].cell);
+}
+
+TEST(SurfelFinder, InSomeRowsFindsBitForBitWhatItFindsThereInAll) {
+  Stream stream;
+  stream.hole_share = 0.02;
+  HeightMap map = make_height_map(kCamera);
+  SurfelOptions options;
+  options.narrowest_strip_px = 8.0;
+  options.widest_strip_px = 16.0;
+  SurfelFinder in_rows;
+  Workers three(3);
+  const std::array<Part, 6> turns{{{0, 120}, {120, 240}, {60, 180}, {60, 180}, {7, 8}, {200, 1000}}};
+  for (std::size_t frame = 0; frame < 2 * turns.size(); ++frame) {
+    // Near enough for narrow strips, and so that what an earlier frame left beside the rows is of other places.
+    stream.shift_m.y() = 0.01 * static_cast<double>(frame);
+    update(map, stream.next(), {}, {}, frame % 3 == 2);
+    const Part& rows = turns[frame % turns.size()];
+    SurfelOptions some = options;
+    some.v_begin = rows.begin;
+    some.v_end = rows.end;
+    const auto found = in_rows.find(map, {}, some, {}, three);
+    std::vector<Surfel> wanted;
+    SurfelFinder fresh;
+    for (const Surfel& surfel : fresh.find(map, {}, options)) {
+      const auto v = static_cast<int>(surfel.cell) / 320;
+      if (v >= rows.begin && v < rows.end) wanted.push_back(surfel);
+    }
+    ASSERT_EQ(found.size(), wanted.size()) << "frame " << frame;
+    EXPECT_GT(wanted.size(), rows.end - rows.begin > 1 ? 100U : 0U);
+    EXPECT_EQ(std::memcmp(found.data(), wanted.data(), wanted.size() * sizeof(Surfel)), 0) << "frame " << frame;
+  }
 }
 
 TEST(SurfelFinder, TakesImagesOfAnySize) {

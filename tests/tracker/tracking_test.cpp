@@ -206,6 +206,32 @@ TEST(Tracking, ATubeThatComesIntoSightLaterIsReportedOnceTwoMoreFramesConfirmIt)
   EXPECT_EQ(reported, (std::vector<std::size_t>{0, 0, 0, 0, 1, 1}));
 }
 
+// Half of the rows are looked at in a frame.
+TEST(Tracking, WithAMovingCameraWhatComesIntoSightAnywhereIsReportedTwoFramesLaterAtMost) {
+  for (const double down_m : {-0.2, 0.0, 0.2}) {
+    Scene scene = *load_scene("straight");
+    scene.tubes[0].start_m.y() += down_m;
+    std::vector<RenderedFrame> with;
+    for (int i = 0; i < 5; ++i) with.push_back(render_frame(scene, i, {}));
+    scene.tubes.clear();
+    const RenderedFrame without = render_frame(scene, 0, {});
+    for (const int appears : {2, 3, 4}) {
+      auto tracker = TubeTracker::create({}, scene.camera);
+      ASSERT_TRUE(tracker);
+      std::vector<std::size_t> reported;
+      for (int i = 0; i < appears + 5; ++i) {
+        DepthFrame frame = depth_frame(i < appears ? without : with[static_cast<std::size_t>(i - appears)]);
+        frame.index = i;
+        frame.timestamp_s = i / 30.0;
+        frame.world_from_camera = Eigen::Isometry3d::Identity();
+        reported.push_back(tracker->track(frame).tubes.size());
+      }
+      EXPECT_EQ(std::count(reported.begin(), reported.end() - 3, 0U), appears + 2) << down_m << " m down";
+      EXPECT_EQ(reported.back(), 1U) << down_m << " m down, from frame " << appears;
+    }
+  }
+}
+
 TEST(Tracking, InClutterWithoutTubesNoneIsReportedInAnyFrame) {
   const Followed run = follow(*load_scene("clutter"), 10);
   for (const TubeFrame& result : run.results) EXPECT_TRUE(result.tubes.empty()) << result.frame;

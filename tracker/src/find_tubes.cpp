@@ -16,9 +16,10 @@ namespace tubetrack {
 namespace {
 
 constexpr int kMinVotes = 12;
-constexpr double kLeastSpread = 0.01;  // what is flat votes alike
-constexpr int kFirstRest = 8;          // frames
-constexpr int kLongestRest = 32;       // a second
+constexpr double kLeastSpread = 0.01;         // what is flat votes alike
+constexpr double kLeastVotesPerPixel = 0.25;  // tubes have 0.78 and more: piles, thin ones, real frames
+constexpr int kFirstRest = 8;                 // frames
+constexpr int kLongestRest = 32;              // a second
 
 /// The traced points around the peak as long as they run smoothly and at one radius.
 RecycledVector<Eigen::Vector3d> smooth_part(const RecycledVector<TracePoint>& trace, const VoxelIndex& peak,
@@ -145,6 +146,12 @@ double matching_cell_m(std::span<const Surfel> surfels, double focal_px) {
   return 0.001 * std::pow(2.0, 0.5 * std::round(2.0 * std::log2(two_pixels_m / 0.001)));
 }
 
+bool is_sparse(const Voxel& box, double radius_m, double cell_m, double px_per_m) {
+  constexpr double kBoxCells = 3.0;
+  const double pixels = kBoxCells * cell_m * px_per_m * 2.0 * radius_m * px_per_m;
+  return box.votes < kLeastVotesPerPixel * pixels;
+}
+
 RecycledVector<FoundTube> find_tubes(AccumulationMap& votes, std::span<const Surfel> surfels,
                                      std::span<const CastVote> cast, std::span<const FollowedTube> known,
                                      HeightMap& map, const TrackerConfig& config, int max_failures, Deadline& deadline,
@@ -173,6 +180,8 @@ RecycledVector<FoundTube> find_tubes(AccumulationMap& votes, std::span<const Sur
     const Voxel sum = votes.box(peak, 1);
     if (!as_it_was && axis_of(sum).spread < kLeastSpread) continue;
     const double radius_at_peak_m = votes.cell_m() * sum.steps / sum.votes;
+    const double px_per_m = map.intrinsics.fx_px / std::max(center.z(), 0.05);
+    if (is_sparse(sum, radius_at_peak_m, votes.cell_m(), px_per_m)) continue;
     TraceOptions options;
     options.step_m = config.radius_m.value_or(radius_at_peak_m);
     options.patch_half_m = 0.5 * options.step_m;

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 
 #include "hide.hpp"
@@ -25,7 +26,8 @@ struct TubeTracker::State {
   bool levels_are_known = false;
   SurfelFinder surfels;
   AccumulationMap votes{0.0};
-  CastVotes cast;  // what is in `votes`
+  CastVotes cast;       // what is in `votes`
+  int search_turn = 0;  // which part of the image was looked at last
   RecycledVector<FailedPlace> failed;
   KnownTubes known;
   std::optional<Eigen::Isometry3d> world_from_camera;  // of the last frame
@@ -53,6 +55,15 @@ SurfelOptions surfel_options(const TrackerConfig& config) {
   options.narrowest_strip_px = config.min_width_px;
   options.widest_strip_px = kWidestStrip_px;
   return options;
+}
+
+/// With a moving camera every cell is new in every frame, and to look for tubes in all of it takes twice as long as all
+/// else. So after the first frame that is done in half of the rows at a time, so that what comes into view is looked
+/// for within two frames: the upper half, the lower, and, for what both cut, the middle.
+void choose_rows(int turn, int height, SurfelOptions& options) {
+  const int quarter = std::array{0, 2, 1}[static_cast<std::size_t>(turn % 3)];
+  options.v_begin = height * quarter / 4;
+  options.v_end = height * (quarter + 2) / 4;
 }
 
 /// Marks the cells in which a tube is seen.
@@ -193,8 +204,10 @@ const TubeFrame& TubeTracker::track(const DepthFrame& frame) {
   follow_known(frame);  // section 2.3, from where the last frame left each tube
   stage.lap(stages.fit_ms);
 
-  const std::span<const Surfel> surfels =
-      s.surfels.find(s.map, s.config.noise, surfel_options(s.config), s.explained, s.workers);
+  SurfelOptions options = surfel_options(s.config);
+  const int max_failures = s.known.first_frame ? kFailuresAtFirst : kFailuresLater;
+  if (frame.world_from_camera && !s.known.first_frame) choose_rows(s.search_turn++, frame.height, options);
+  const std::span<const Surfel> surfels = s.surfels.find(s.map, s.config.noise, options, s.explained, s.workers);
   stage.lap(stages.normals_ms);
 
   const double cell_m = s.config.cell_m.value_or(matching_cell_m(surfels, s.map.intrinsics.fx_px));
@@ -205,7 +218,6 @@ const TubeFrame& TubeTracker::track(const DepthFrame& frame) {
   recast(s.votes, s.cast, surfels);  // algorithm 1
   stage.lap(stages.accumulate_ms);
 
-  const int max_failures = s.known.first_frame ? kFailuresAtFirst : kFailuresLater;
   auto found = find_tubes(s.votes, surfels, s.cast.now, s.known.tubes, s.map, s.config, max_failures, deadline,
                           s.failed, stages);  // algorithm 2, section 2.3
   stage = {};

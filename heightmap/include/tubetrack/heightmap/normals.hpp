@@ -2,6 +2,7 @@
 
 #include <array>
 #include <cstdint>
+#include <limits>
 #include <memory>
 #include <span>
 #include <vector>
@@ -20,6 +21,9 @@ struct SurfelOptions {
   /// does not show; 0: none.
   double narrowest_strip_px = 0.0;
   double widest_strip_px = 0.0;
+  /// Rows [v_begin, v_end) of the image in which surfels are wanted; those are the same as where all rows are.
+  int v_begin = 0;
+  int v_end = std::numeric_limits<int>::max();
 };
 
 /// Half sizes of the square windows, in pixels: 7, 13 and 21 px across.

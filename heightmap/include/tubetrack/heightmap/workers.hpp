@@ -43,6 +43,8 @@ class Workers {
 struct Part {
   int begin = 0;
   int end = 0;
+
+  bool operator==(const Part&) const = default;
 };
 inline Part part_of(int size, int i, int count) {
   return {size * i / count, size * (i + 1) / count};

@@ -25,6 +25,11 @@ struct FailedPlace {
   int frames = 0;       ///< since it failed; it is remembered for twice its rest
 };
 
+/// Has a peak too few votes for a tube as thick as they say? Nearly every pixel that sees a tube votes, and those over
+/// the length of a box meet in it; noise, and what bends a little, has less. So it costs no fit to refuse it. `box`:
+/// the sum over 3³ voxels around the peak; `px_per_m`: the focal length over the depth there.
+bool is_sparse(const Voxel& box, double radius_m, double cell_m, double px_per_m);
+
 /// All tubes that the votes and the image agree on, best peak first: trace from the best peak, fit, withdraw the votes
 /// of the surfels that the tube explains, go on with the best peak that is left. `votes` holds `cast`, one vote a
 /// surfel, and holds it again in the end. Stops after `max_failures` seeds that were no tubes, or with the seed at hand
