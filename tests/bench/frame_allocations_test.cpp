@@ -48,7 +48,7 @@ TEST(FrameAllocations, OfAMovingTubeAreNone) {
 TEST(FrameAllocations, OfAMovingCameraAreThoseOfABufferThatGrows) {
   const std::vector<double> counts = allocations_a_frame(moving_camera_scene());
   EXPECT_EQ(median(counts), 0.0);
-  EXPECT_LE(sum(counts), 2.0);
+  EXPECT_LE(sum(counts), 3.0);
 }
 
 }  // namespace
