@@ -4,6 +4,8 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cmath>
+#include <cstdint>
 
 #include "tube_scene.hpp"
 #include "tubetrack/tracker/recycled.hpp"
@@ -64,6 +66,34 @@ TEST(Hide, ThePixelsAroundTheOthersOutlineGoWhateverIsReadOnIt) {
     if (looked.map.depth_m[cell] >= 0.0F) continue;
     EXPECT_LE(edgeless.map.depth_m[cell], 0.0F) << "cell " << cell;
   }
+}
+
+TEST(Hide, ReadingsBesideAPixelOfTheTubeWithoutReturnAreTakenOutAndComeBack) {
+  Looked looked = look_at_a_tube();
+  const std::size_t gap = looked.map.cell(334, 233);  // on the axis
+  looked.map.depth_m[gap] = 0.0F;
+  const std::vector<float> before = looked.map.depth_m;
+  HiddenCells hidden;
+  hide_beside_gaps({looked.model, looked.extent, looked.pixels}, looked.map, hidden);
+  EXPECT_EQ(hidden.size(), 8U);
+  for (const std::uint32_t cell : hidden) {
+    EXPECT_LE(std::abs(static_cast<int>(cell % 640) - 334), 1);
+    EXPECT_LE(std::abs(static_cast<int>(cell / 640) - 233), 1);
+  }
+  show_again(looked.map, hidden);
+  EXPECT_EQ(looked.map.depth_m, before);
+}
+
+// There readings are missing for the silhouette's sake, and those beside it are not fitted anyway.
+TEST(Hide, PixelsWithoutReturnAtTheSilhouetteOrBeyondTheExtentTakeNothingOut) {
+  Looked looked = look_at_a_tube();
+  for (const PredictedPixel& pixel : looked.pixels) {
+    if (pixel.margin_px < 1.5F || pixel.t < 2.0F) looked.map.depth_m[pixel.cell] = 0.0F;
+  }
+  HiddenCells hidden;
+  const Extent extent{2.0, looked.extent.t_end};
+  hide_beside_gaps({looked.model, extent, looked.pixels}, looked.map, hidden);
+  EXPECT_TRUE(hidden.empty());
 }
 
 TEST(Hide, WhatHidesTheOtherStays) {

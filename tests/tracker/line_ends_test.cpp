@@ -5,6 +5,8 @@
 #include <Eigen/Core>
 #include <cmath>
 
+#include "tubetrack/tracker/recycled.hpp"
+
 namespace tubetrack {
 namespace {
 
@@ -43,6 +45,48 @@ TEST(LineEnds, GoingOnFromWhatIsTooShortOrFromAllOfItChangesNothing) {
   Spline little = before;
   continue_from(little, 5.0, 2.0);
   EXPECT_EQ(little.control_m, before.control_m);
+}
+
+/// Of a straight, or one that leans away from the camera by `lean` along its way, seen where `sees` says so.
+template <typename Sees>
+EndTrim trim_where_seen(double lean, double spans, Sees sees) {
+  Spline line;
+  for (int i = 0; i < static_cast<int>(spans) + 3; ++i)
+    line.control_m.emplace_back(0.02 * i - 0.2, 0.0, 0.8 + lean * i);
+  RecycledVector<Station> stations;
+  for (double t = 0.05; t < spans; t += 0.1) {
+    Station station;
+    station.t = t;
+    station.expected = 20;
+    (sees(t) ? station.agree : station.before) = 20;
+    stations.push_back(station);
+  }
+  return trim_of(line, stations, {1.0, spans - 1.0});
+}
+
+TEST(LineEnds, EndsOfALineThatIsSeenAlongAreNotFitted) {
+  const EndTrim trim = trim_where_seen(0.0, 20.0, [](double t) { return t < 8.0 || t > 9.0; });
+  EXPECT_EQ(trim.at_begin, 0.6);
+  EXPECT_EQ(trim.at_end, 0.6);
+}
+
+TEST(LineEnds, AnEndSeenForOneSpanBeyondAGapIsFittedAllOfIt) {
+  const EndTrim trim = trim_where_seen(0.0, 20.0, [](double t) { return t < 12.0 || t > 18.0; });
+  EXPECT_EQ(trim.at_begin, 0.6);
+  EXPECT_EQ(trim.at_end, 0.0);
+}
+
+TEST(LineEnds, OfAnEndThatTurnsItsFaceToTheCameraAndIsSeenLittleHalfIsNotFitted) {
+  const auto sees = [](double t) { return t < 1.8 || (t > 6.0 && t < 13.0) || t > 17.0; };
+  const EndTrim trim = trim_where_seen(0.02, 19.0, sees);
+  EXPECT_NEAR(trim.at_begin, 0.375, 1e-9);
+  EXPECT_EQ(trim.at_end, 0.0);
+}
+
+TEST(LineEnds, AShortPieceGivesUpATenthAtEitherEnd) {
+  const EndTrim trim = trim_where_seen(0.0, 4.0, [](double) { return true; });
+  EXPECT_NEAR(trim.at_begin, 0.2, 1e-12);
+  EXPECT_NEAR(trim.at_end, 0.2, 1e-12);
 }
 
 }  // namespace

@@ -6,6 +6,7 @@
 
 #include "fit_steps.hpp"
 #include "followed_extent.hpp"
+#include "line_ends.hpp"
 #include "observe.hpp"
 #include "pool.hpp"
 #include "tubetrack/tracker/predict.hpp"
@@ -15,7 +16,6 @@ namespace tubetrack {
 
 namespace {
 
-constexpr double kEndTrim = 0.6;  // spans
 constexpr double kRoundness = 3e-4;
 constexpr double kStraight = 0.003;  // radii, far below the noise of a reading
 
@@ -38,11 +38,10 @@ void predict(FollowedTube& tube, const HeightMap& map, const TrackerConfig& conf
 
 View view_of(const FollowedTube& tube, const HeightMap& map, const TrackerConfig& config, const TubeModel& model,
              double near_radii, double far_radii) {
-  const double trim = std::min(kEndTrim, 0.1 * (tube.extent.t_end - tube.extent.t_begin));
   const Gates gates{near_radii * model.radius_m, far_radii * model.radius_m, 4.0};
   thread_local Sighting sighting;  // for its buffers
-  observe(map, config.noise, model.spline, tube.pixels, gates, {tube.extent.t_begin + trim, tube.extent.t_end - trim},
-          sighting);
+  observe(map, config.noise, model.spline, tube.pixels, gates,
+          {tube.extent.t_begin + tube.trim.at_begin, tube.extent.t_end - tube.trim.at_end}, sighting);
   const bool free_radius = !fit_options(config, tube, nullptr).radius_m;
   View view{observed_equations(model, sighting.near, free_radius), {}, {}};
   if (config.varying_radius) view.readings = sighting.near;
@@ -104,7 +103,10 @@ void look(FollowedTube& tube, const HeightMap& map) {
   }
   tube.support = expected > 0 ? static_cast<double>(agree) / expected : 0.0;
   const bool enough = seen * station_m >= std::max(tube.model.radius_m, 0.010) && tube.support > 0.7;
-  if (enough) tube.extent = extent;
+  if (enough) {
+    tube.extent = extent;
+    tube.trim = trim_of(tube.model.spline, tube.stations, extent);
+  }
   tube.state = enough ? TubeState::tracked : 2 * unknown > all && all > 0 ? TubeState::occluded : TubeState::lost;
 }
 

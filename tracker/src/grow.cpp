@@ -64,12 +64,16 @@ void reach_beyond(Spline& spline, const Extent& extent) {
 }
 
 /// The radius that both silhouettes ask for, where they contradict the surface's curvature, which sensors that smooth
-/// over several pixels flatten; half a pixel is what an edge loses on average. Empty where they agree or are not seen.
+/// over several pixels flatten; half a pixel is what an edge loses on average. Empty where they agree or are not seen,
+/// or one of them contradicts much more than the other: then the axis lies aside, and nothing is smoothed. Nor where
+/// noise alone may bring the curvature so far, as on a short piece of a thin tube.
 std::optional<double> silhouette_radius_m(const Evidence& e, double radius_m) {
+  constexpr double kAlike = 0.16;  // radii
   if (!e.left.ends || !e.right.ends) return std::nullopt;
+  if (std::abs(e.left.reach_radii - e.right.reach_radii) > kAlike) return std::nullopt;
   const double half_pixel = 1.0 / e.width_px;
   const double reach = 0.5 * (e.left.reach_radii + e.right.reach_radii) + half_pixel;
-  if (reach < 0.65 || reach + half_pixel > 0.87) return std::nullopt;
+  if (reach < 0.65 || reach + half_pixel > 0.87 || 1.0 - reach < 3.0 * e.flatness_sigma) return std::nullopt;
   return reach * radius_m;
 }
 
@@ -225,17 +229,20 @@ std::optional<FoundTube> grow_from(const HeightMap& map, const TrackerConfig& co
   return grow_model(map, config, start);
 }
 
+/// Notes that the silhouettes say how thick a tube is.
+void hold(FoundTube& tube, std::optional<double> radius_m) {
+  tube.held_radius_m = radius_m;
+  // A twentieth of a pixel: two edges over tens of rows. What they err alike is NoiseModel::radius_relative.
+  if (radius_m) tube.quality.radius_sigma_m = 0.1 * *radius_m / tube.evidence.width_px;
+}
+
 /// The same with the radius held at what the silhouettes say.
 std::optional<FoundTube> grow_held(const HeightMap& map, TrackerConfig config, TubeModel start, double radius_m,
                                    const RecycledVector<Eigen::Vector3d>& line_m) {
   config.radius_m = radius_m;
   start.radius_m = radius_m;
   auto found = grow_from(map, config, start, line_m);
-  if (found) {
-    found->held_radius_m = radius_m;
-    // A twentieth of a pixel: two edges over tens of rows. What they err alike is NoiseModel::radius_relative.
-    found->quality.radius_sigma_m = 0.1 * radius_m / found->evidence.width_px;
-  }
+  if (found) hold(*found, radius_m);
   return found;
 }
 
@@ -283,7 +290,7 @@ void go_on_behind(const HeightMap& map, const TrackerConfig& config, FoundTube& 
   }
   look_beside(map, config.noise, whole.model, whole.extent, whole.evidence);
   if (why_no_tube(whole.evidence, whole.model.radius_m, config)) return;
-  whole.held_radius_m = tube.held_radius_m;
+  hold(whole, tube.held_radius_m);
   tube = std::move(whole);
 }
 
@@ -295,7 +302,7 @@ void fit_again(const HeightMap& map, const TrackerConfig& config, FoundTube& tub
   if (!again || again->evidence.length_m < 0.8 * tube.evidence.length_m) return;
   look_beside(map, config.noise, again->model, again->extent, again->evidence);
   if (why_no_tube(again->evidence, again->model.radius_m, config)) return;
-  again->held_radius_m = tube.held_radius_m;
+  hold(*again, tube.held_radius_m);
   tube = std::move(*again);
 }
 

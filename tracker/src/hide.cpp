@@ -102,6 +102,17 @@ void hide_from(const SeenTube* mine, const SeenTube& other, HeightMap& map, Hidd
   }
 }
 
+void hide_beside_gaps(const SeenTube& mine, HeightMap& map, HiddenCells& hidden) {
+  constexpr float kOwnEdge_px = 1.5F;  // nearer to the silhouette readings are missing for its sake, and not fitted
+  const PredictedPixels& pixels = mine.pixels;
+  for (std::size_t i = 0; i < pixels.size(); ++i) {
+    if (map.depth_m[pixels.cell[i]] != 0.0F) continue;
+    if (pixels.margin_px[i] < kOwnEdge_px || pixels.cos_incidence[i] < kCos75) continue;
+    if (pixels.t[i] < mine.extent.t_begin || pixels.t[i] > mine.extent.t_end) continue;
+    take_out_around(map, pixels.cell[i], hidden);
+  }
+}
+
 void hide_others(std::span<const FollowedTube> tubes, const FollowedTube* self, const SeenTube* mine, HeightMap& map,
                  HiddenCells& hidden) {
   for (const FollowedTube& other : tubes) {

@@ -32,6 +32,11 @@ bool in_one_line(const FollowedTube& a, const FollowedTube& b);
 /// may be null where it is not known yet. Appends to `hidden`, in which `show_again` finds what to put back.
 void hide_from(const SeenTube* mine, const SeenTube& other, HeightMap& map, HiddenCells& hidden);
 
+/// Takes out of the map what was read beside pixels that should see the tube and have no return, as at the edge of a
+/// shadow on it: what the sensor's lateral jitter moved over that edge is missing there, and the mean of what is left
+/// lies aside.
+void hide_beside_gaps(const SeenTube& mine, HeightMap& map, HiddenCells& hidden);
+
 /// The same for all that are in sight, from one of them or (`self` null) from a new one. Where
 /// one runs on into the other nothing is hidden, nor by what is not confirmed from what is: they may be pieces of one.
 void hide_others(std::span<const FollowedTube> tubes, const FollowedTube* self, const SeenTube* mine, HeightMap& map,

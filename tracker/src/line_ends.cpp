@@ -1,9 +1,34 @@
 #include "line_ends.hpp"
 
 #include <Eigen/Core>
+#include <algorithm>
 #include <cmath>
 
+#include "tubetrack/tracker/recycled.hpp"
+
 namespace tubetrack {
+
+namespace {
+
+// In spans.
+constexpr double kTrim = 0.6;
+constexpr double kLongRun = 2.4;  // enough to hold the line with an end left out
+constexpr double kGap = 1.6;
+
+/// How far along from an end of an extent a line is seen without a gap, in spans; the stations from that end on.
+template <typename Stations>
+double seen_at_once(double from, double to, Stations begin, Stations end) {
+  double last = from;
+  for (Stations at = begin; at != end; ++at) {
+    const bool inside = std::min(from, to) <= at->t && at->t <= std::max(from, to);
+    if (!inside || !at->seen()) continue;
+    if (std::abs(at->t - last) > kGap) return std::abs(last - from);
+    last = at->t;
+  }
+  return std::abs(to - from);
+}
+
+}  // namespace
 
 void continue_from(Spline& spline, double t_begin, double t_end) {
   auto& q = spline.control_m;
@@ -20,6 +45,29 @@ void continue_from(Spline& spline, double t_begin, double t_end) {
   if (back >= 5 && back < count) go_on(back, 1, count - back);
   const int front = static_cast<int>(std::ceil(t_begin));
   if (front >= 0 && front + 5 < count) go_on(front, -1, front + 1);
+}
+
+TurnedEnds turned_to_camera(const Spline& spline, const Extent& extent) {
+  constexpr double kTurned = 0.25;  // cosine
+  constexpr double kInside = 2.0;   // spans, where a face has bent nothing yet
+  const auto toward_camera = [&](double t, double outward) {
+    const Eigen::Vector3d direction = outward * derivative_at(spline, t).normalized();
+    return -direction.dot(point_at(spline, t).normalized());
+  };
+  return {toward_camera(extent.t_begin + kInside, -1.0) > kTurned,
+          toward_camera(extent.t_end - kInside, 1.0) > kTurned};
+}
+
+EndTrim trim_of(const Spline& spline, const RecycledVector<Station>& stations, const Extent& extent) {
+  const double length = extent.t_end - extent.t_begin;
+  const double trim = std::min(kTrim, 0.1 * length);
+  const TurnedEnds faces = turned_to_camera(spline, extent);
+  const auto at = [&](double run, bool face) {
+    if (run >= kLongRun || length < kLongRun) return trim;
+    return face ? std::min(trim, 0.5 * run) : 0.0;
+  };
+  return {at(seen_at_once(extent.t_begin, extent.t_end, stations.begin(), stations.end()), faces.at_begin),
+          at(seen_at_once(extent.t_end, extent.t_begin, stations.rbegin(), stations.rend()), faces.at_end)};
 }
 
 }  // namespace tubetrack

@@ -1,11 +1,28 @@
 #pragma once
 
+#include "tubetrack/tracker/follow.hpp"
+#include "tubetrack/tracker/recycled.hpp"
 #include "tubetrack/tracker/spline.hpp"
+#include "tubetrack/tracker/stations.hpp"
 
 namespace tubetrack {
 
 /// Lets the line go on from [t_begin, t_end] as it runs there, with the mean bend of its last three control points: all
 /// beyond is forgotten. A side with fewer than five control points left to go on from stays as it is.
 void continue_from(Spline& spline, double t_begin, double t_end);
+
+/// Which ends are turned toward the camera: there it sees the end's own face, which, fitted as the tube's surface,
+/// bends the line.
+struct TurnedEnds {
+  bool at_begin = false;
+  bool at_end = false;
+};
+TurnedEnds turned_to_camera(const Spline& spline, const Extent& extent);
+
+/// How far short of the ends of an extent a line is fitted, in spans: what lies there may be the end's own face, or
+/// what it touches. A short piece gives up a tenth at either end. An end that is seen only little beyond a gap gives up
+/// half of that where it may show its face, else nothing, or the line would run on across the gap with nothing to hold
+/// it.
+EndTrim trim_of(const Spline& spline, const RecycledVector<Station>& stations, const Extent& extent);
 
 }  // namespace tubetrack

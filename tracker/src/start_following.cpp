@@ -40,19 +40,6 @@ double length_m(const FollowedTube& tube) {
   return (tube.extent.t_end - tube.extent.t_begin) * kKnotSpacingRadii * tube.model.radius_m;
 }
 
-/// Is one of its ends turned toward the camera? Its face, fitted as the tube's surface, bends the centreline there.
-bool shows_a_face(const FollowedTube& tube) {
-  constexpr double kTurned = 0.25;  // cosine
-  const auto toward_camera = [&](double t, double outward) {
-    const Eigen::Vector3d direction = outward * derivative_at(tube.model.spline, t).normalized();
-    return -direction.dot(point_at(tube.model.spline, t).normalized());
-  };
-  // Two spans inside, where the face has bent nothing yet.
-  constexpr double kInside = 2.0;
-  return toward_camera(tube.extent.t_begin + kInside, -1.0) > kTurned ||
-         toward_camera(tube.extent.t_end - kInside, 1.0) > kTurned;
-}
-
 void pool_first_frame(FollowedTube& tube) {
   tube.radius_information = information_of(tube.quality.radius_sigma_m);
   start_pool(tube);
@@ -77,6 +64,7 @@ FollowedTube start_following(FoundTube found, const HeightMap& map, const Tracke
   tube.pixels = std::move(found.pixels);
   tube.predicted = tube.model;
   tube.stations = stations_of(map, tube.model, tube.pixels, station_length_m(map, tube.model));
+  tube.trim = trim_of(tube.model.spline, tube.stations, tube.extent);
   // A little more at an end may be the foot of a can or the table that it stands on; much more is tube.
   FollowedTube longer = tube;
   lengthen(longer, map, config, found.joined ? 3 : 1);
@@ -91,11 +79,14 @@ void pool_without_ends(FollowedTube& tube, const HeightMap& map, const TrackerCo
   FollowedTube without = tube;
   // From ends that were bent into hooks the prior, which takes large bends for granted, would not come back.
   TubeModel start = tube.model;
-  continue_from(start.spline, tube.extent.t_begin + kHook, tube.extent.t_end - kHook);
+  const bool hooks_at_begin = tube.trim.at_begin > 0.0, hooks_at_end = tube.trim.at_end > 0.0;
+  continue_from(start.spline, hooks_at_begin ? tube.extent.t_begin + kHook : -1.0,
+                hooks_at_end ? tube.extent.t_end - kHook : tube.model.spline.spans() + 1.0);
   if (!fit_to_frame(without, map, config, std::move(start))) return;
+  const TurnedEnds faces = turned_to_camera(tube.model.spline, tube.extent);
   // Where the ends tell much of the radius, that they bend the line costs less than leaving them out.
   const bool costs_little = without.quality.radius_sigma_m <= 1.1 * tube.quality.radius_sigma_m;
-  if (costs_little && shows_a_face(tube)) {
+  if (costs_little && (faces.at_begin || faces.at_end)) {
     tube.model = std::move(without.model);
     tube.quality = std::move(without.quality);
     pool_first_frame(tube);

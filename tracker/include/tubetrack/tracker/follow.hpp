@@ -29,12 +29,19 @@ struct Drift {
   Vector7 seen_by_age = Vector7::Zero();
 };
 
+/// Spans at either end of an extent.
+struct EndTrim {
+  double at_begin = 0.0;
+  double at_end = 0.0;
+};
+
 /// A tube that is followed from frame to frame. Everything is in the camera frame of the last frame.
 struct FollowedTube {
   std::int64_t id = 0;
   TubeState state = TubeState::tracked;
   TubeModel model;
   Extent extent;
+  EndTrim trim;  ///< so much of the extent is not fitted
   FitQuality quality;
   double support = 0.0;              ///< agreeing pixels over expected ones, where it is seen
   double taper_information = 0.0;    ///< of all looks at its taper (change of radius per length), and
