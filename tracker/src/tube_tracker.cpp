@@ -156,7 +156,7 @@ void TubeTracker::follow_known(const DepthFrame& frame) {
   for (FollowedTube& tube : s.known.tubes) {
     const SeenTube mine = seen(tube);
     hide_others(s.known.tubes, &tube, &mine, s.map, hidden);
-    hide_beside_gaps(mine, s.map, hidden);
+    if (!s.config.varying_radius) hide_beside_gaps(mine, s.map, hidden);
     follow_tube(tube, s.map, s.config, frame.timestamp_s, elapsed_s);
     show_again(s.map, hidden);
   }
