@@ -31,7 +31,7 @@ Scans are made like the paper's (`bench/scans/paper_scans.cpp`), of a tube in be
 steps as there, with as many faces; the paper's own are not public. A voxel is such a grid step. *Paper* is what it
 published (fig. 7, a 2.5 GHz Core i7). *Transcription* is its algorithms 1 and 2 as they stand there, told the radius
 (`bench/scans/paper_transcription.cpp`), without its optimisation of centres. *Ours* is all of `tubetrack scan` but
-reading the file: surfels, votes, lines, fit, parts; not told the radius. Seconds are processor time of one thread, the median of five runs (of what takes over a second, of one). *Length
+reading the file: surfels, votes, lines, fit, parts; not told the radius. Seconds are processor time of one thread, ours the median of five runs (of what takes over a second, of one). *Length
 found* is that of all tubes over the true one.
 )";
 
