@@ -6,6 +6,7 @@
 #include <array>
 #include <cmath>
 
+#include "followed_extent.hpp"
 #include "hide.hpp"
 #include "stopwatch.hpp"
 #include "tube_result.hpp"
@@ -156,7 +157,9 @@ void TubeTracker::follow_known(const DepthFrame& frame) {
   for (FollowedTube& tube : s.known.tubes) {
     const SeenTube mine = seen(tube);
     hide_others(s.known.tubes, &tube, &mine, s.map, hidden);
-    if (!s.config.varying_radius) hide_beside_gaps(mine, s.map, hidden);
+    // Behind a hand its shadow and what it hides look alike, and the tube would come apart.
+    const bool open = std::ranges::none_of(tube.stations, tubetrack::hidden);
+    if (open && !s.config.varying_radius) hide_beside_gaps(mine, s.map, hidden);
     follow_tube(tube, s.map, s.config, frame.timestamp_s, elapsed_s);
     show_again(s.map, hidden);
   }
