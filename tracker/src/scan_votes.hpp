@@ -40,8 +40,8 @@ std::optional<ScanSeed> seed_at(const AccumulationMap& votes, const VoxelIndex& 
                                 int max_steps);
 
 /// Flags of surfels that lie on something too flat for a tube of an octave's radii, and need not vote: all around, in a
-/// bucket, which is as large as the smallest radius or twice that, normals point the same way, to 2°, where those of the largest tube
-/// spread over 26°. Most of a scan may be floor.
+/// bucket, which is as large as the smallest radius or twice that, normals point the same way, to 2°, where those of
+/// the largest tube spread over 26°. Most of a scan may be floor.
 std::vector<char> flat_surfels(const SurfelGrid& grid);
 
 /// Of those, the ones whose bucket has nothing but flat ones around it: they are not near a tube of those radii, or
