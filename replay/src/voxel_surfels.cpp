@@ -182,7 +182,7 @@ std::vector<Eigen::Vector3f> smoothed_normals(const VoxelGrid& grid, const std::
     gather_near(blocks, faces, weights, block, near);
     const auto row_in_block = [&](std::size_t i) {
       const Eigen::Vector3i at = faces[blocks.faces[i]].twice - kBlock * block;
-      return static_cast<std::size_t>(at.z() * kBlock + at.y());
+      return static_cast<std::size_t>(at.z()) * kBlock + static_cast<std::size_t>(at.y());
     };
     rows.clear();
     row_of.fill(kNoRow);

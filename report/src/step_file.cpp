@@ -123,11 +123,11 @@ std::optional<TopoDS_Shape> solid_of(const Tube& tube, std::string& note) {
     // A chain that is not as long as the line is not the tube: one called straight may bend.
     const double expected_mm3 = volume_mm3(tube);
     const bool of_parts = ring || (chain && !tube.closed && tube.node_radius_m.empty());
-    const TopoDS_Shape parts = !of_parts ? TopoDS_Shape()
-                               : ring    ? torus_of(*chain, radius_mm)
-                                         : solid_of_chain(*chain, radius_mm);
+    TopoDS_Shape parts = !of_parts ? TopoDS_Shape()
+                         : ring    ? torus_of(*chain, radius_mm)
+                                   : solid_of_chain(*chain, radius_mm);
     if (is_sound(parts, expected_mm3)) return parts;
-    const TopoDS_Shape shape = solid_through_nodes(tube);
+    TopoDS_Shape shape = solid_through_nodes(tube);
     note = fmt::format("tube {}: not all straight and toric: a spline surface through its nodes' sections, {}", tube.id,
                        tube.node_radius_m.empty() ? fmt::format("{:.3f} mm thick throughout", 2.0 * radius_mm)
                                                   : "as thick as they are");

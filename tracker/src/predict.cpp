@@ -55,7 +55,7 @@ RecycledVector<Piece> cut_into_pieces(const TubeModel& model, double straight_ra
     steps = varies || straight_radii <= 0.0 ? 1 : steps_in_line(points_m, i, straight_radii * model.radius_m);
     Piece piece;
     piece.start_m = points_m[static_cast<std::size_t>(i)];
-    piece.end_m = points_m[static_cast<std::size_t>(i + steps)];
+    piece.end_m = points_m[static_cast<std::size_t>(i) + static_cast<std::size_t>(steps)];
     const double length_m = (piece.end_m - piece.start_m).norm();
     if (length_m < 1e-6) continue;
     piece.axis = (piece.end_m - piece.start_m) / length_m;
