@@ -37,12 +37,12 @@ constexpr const char* kNextFactor =
 - **still**: a third is to read the frame in, which memory bounds more than arithmetic (leaving stores out and reading
   ahead changed nothing), half to predict, choose and fit the tube's pixels. Next: fit a tube that is at rest to every
   second row and column, as its place is pooled over frames anyway.
-- **moving tube**: half are surfels. Edges and windows are worked on in whole rectangles around what changed, twice what
-  depends on it; row by row they would save a tenth of the frame.
+- **moving tube**: half are surfels. Edges and windows are worked on in whole rectangles around what changed. Next: row by
+  row.
 - **moving camera**: all is new in every frame, so half of the rows are searched a frame. Next: records that move with
   the poses, so that only what comes into view is new.
-- **first frames**: a tube grows by less than its radius a round, in up to fifteen rounds, each of which predicts and fits
-  all of it: quadratic in its length. Next: grow the last six radii at an end alone, and settle all of it once.
+- **first frames**: a tube grows by less than its radius a round, each of which predicts and fits all of it: quadratic in
+  its length. Next: grow the last six radii at an end alone, and settle all of it once.
 - **fit for 1,000 pixels**: its goal is 30 ns a pixel, in which each is predicted two or three times, compared, chosen
   and summed into the normal equations, and evidence is gathered. Next: fewer pixels, as above; each second one costs
   σ · √2 where noise is what limits.
