@@ -80,8 +80,7 @@ PaperRow measure(const PaperScan& scan, bool with_transcription) {
   row.paper_s = scan.paper_s;
   row.goal_voxels = scan.goal_voxels;
   std::vector<ScanSurfel> surfels = surfels_of(scan.scan);
-  // First, on memory that is fresh: used again, it lies in smaller pages, and the transcription takes half as long
-  // again.
+  // First, on fresh memory, as in a program of its own: on memory that is used again it takes longer.
   row.transcription_s =
       with_transcription ? transcription_s(surfels, scan.radius_m, 0.001) : std::numeric_limits<double>::quiet_NaN();
   TubeFrame frame;

@@ -134,7 +134,7 @@ HWY_INLINE V Steepness2(const PlaneRow& row, VI places) {
 /// σ of a slope, per pixel, if all this is a plane: what depths jitter, and on a slope also what readings jitter
 /// sideways. A plane is as steep everywhere, so the flattest of the windows counts: of what may be a tube that leaves
 /// its flanks a vote. The second part is one frame's, however many were fused: it averages out as well, but the levels
-/// that a sensor rounds to stay, and on a slope they bend (of a table 2 to 3 % of the cells would vote after a second).
+/// that a sensor rounds to stay, and on a slope they bend.
 HWY_INLINE V FlatSlopeSigma(const SurfelRule& rule, const Neighbourhood& n, VI places) {
   const float side = static_cast<float>(2 * n.half + 1);
   const float moment_px2 = side * side * static_cast<float>(n.half * (n.half + 1)) / 3.0F;

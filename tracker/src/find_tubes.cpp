@@ -17,7 +17,7 @@ namespace {
 
 constexpr int kMinVotes = 12;
 constexpr double kLeastSpread = 0.01;         // what is flat votes alike
-constexpr double kLeastVotesPerPixel = 0.25;  // tubes have 0.78 and more: piles, thin ones, real frames
+constexpr double kLeastVotesPerPixel = 0.25;  // a third of what tubes have (find_tubes_test)
 constexpr int kFirstRest = 8;                 // frames
 constexpr int kLongestRest = 32;              // a second
 
@@ -94,7 +94,7 @@ void part_neighbors(RecycledVector<FoundTube>& tubes, HeightMap& map, const Trac
     for (const FoundTube& other : tubes) {
       if (&other != &tube) hide_from(&mine, seen(other), map, hidden);
     }
-    if (!config.varying_radius) hide_beside_gaps(mine, map, hidden);
+    hide_beside_gaps(mine, config, map, hidden);
     const bool shares = std::any_of(tube.pixels.begin(), tube.pixels.end(),
                                     [&](const PredictedPixel& pixel) { return map.depth_m[pixel.cell] < 0.0F; });
     if (shares) fit_again(map, config, tube);

@@ -26,6 +26,17 @@ RecycledColumn parameters_of(const TubeModel& model) {
   return all;
 }
 
+bool move_by_step(TubeModel& model, const RecycledColumn& change, const FitOptions& options) {
+  for (std::size_t k = 0; k < model.spline.control_m.size(); ++k) {
+    const Eigen::Vector3d move = change.segment<3>(static_cast<Eigen::Index>(3 * k));
+    model.spline.control_m[k] += move * std::min(1.0, model.radius_m / std::max(move.norm(), 1e-12));
+  }
+  if (options.radius_m) return true;
+  const double limit = 0.3 * model.radius_m;
+  model.radius_m += std::clamp(change[change.size() - 1], -limit, limit);
+  return model.radius_m >= options.radius_min_m && model.radius_m <= options.radius_max_m;
+}
+
 std::optional<FitQuality> take_step(TubeModel& model, ObservedEquations observed, const FitOptions& options) {
   const bool free_radius = !options.radius_m;
   if (observed.used < 20) return std::nullopt;
@@ -38,15 +49,7 @@ std::optional<FitQuality> take_step(TubeModel& model, ObservedEquations observed
   if (!solver.ok()) return std::nullopt;
   const RecycledColumn change = solver.solve(eq.right);
   if (!change.allFinite()) return std::nullopt;
-  for (std::size_t k = 0; k < model.spline.control_m.size(); ++k) {
-    const Eigen::Vector3d move = change.segment<3>(static_cast<Eigen::Index>(3 * k));
-    model.spline.control_m[k] += move * std::min(1.0, model.radius_m / std::max(move.norm(), 1e-12));
-  }
-  if (free_radius) {
-    const double limit = 0.3 * model.radius_m;
-    model.radius_m += std::clamp(change[change.size() - 1], -limit, limit);
-    if (model.radius_m < options.radius_min_m || model.radius_m > options.radius_max_m) return std::nullopt;
-  }
+  if (!move_by_step(model, change, options)) return std::nullopt;
   quality.chi2_per_observation = observed.chi2 / observed.used;
   if (!options.want_covariance) return quality;
   quality.covariance = solver.inverse_in_band();

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "fit_steps.hpp"
 #include "shape_priors.hpp"
 
 namespace tubetrack {
@@ -81,16 +82,8 @@ std::optional<ScanStepQuality> take_scan_step(TubeModel& model, const SortedObse
   if (!solver.ok()) return std::nullopt;
   const RecycledColumn change = solver.solve(eq.right);
   if (!change.allFinite()) return std::nullopt;
-  for (std::size_t k = 0; k < model.spline.control_m.size(); ++k) {
-    const Eigen::Vector3d move = change.segment<3>(static_cast<Eigen::Index>(3 * k));
-    model.spline.control_m[k] += move * std::min(1.0, model.radius_m / std::max(move.norm(), 1e-12));
-  }
+  if (!move_by_step(model, change, options)) return std::nullopt;
   const Eigen::Index radius_at = change.size() - 1;
-  if (free_radius) {
-    const double limit = 0.3 * model.radius_m;
-    model.radius_m += std::clamp(change[radius_at], -limit, limit);
-    if (model.radius_m < options.radius_min_m || model.radius_m > options.radius_max_m) return std::nullopt;
-  }
   ScanStepQuality quality;
   if (!want_covariance) return quality;
   quality.covariance = solver.inverse_band();

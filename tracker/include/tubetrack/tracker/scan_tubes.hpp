@@ -28,9 +28,8 @@ Expected<void> validate(const ScanTubesConfig& config);
 /// All tubes of a static scan, in the scan's frame: the second entry to the tracker (the first is
 /// TubeTracker::track). Surfels vote along their inward normals (paper, section 2.1 and algorithm 1), from good peaks
 /// lines are traced (section 2.2 and algorithm 2), fitted to the surface (section 2.3) and cut into straight and toric
-/// parts (section 3). A tube that comes
-/// back to its start is `closed`. Longest first, ids from 1. `config` must be valid.
-/// The frame has `frame` 0, `frame_id` "scan", and status `empty` where no tube was found.
+/// parts (section 3). A tube that comes back to its start is `closed`. Longest first, ids from 1. `config` must be
+/// valid. The frame has `frame` 0, `frame_id` "scan", and status `empty` where no tube was found.
 TubeFrame find_scan_tubes(std::span<const ScanSurfel> surfels, const ScanTubesConfig& config);
 
 }  // namespace tubetrack
