@@ -23,7 +23,8 @@ Each tube has 1 to 6 bends of 30° to 180° in planes turned at random, bend rad
 to 6 diameters, a radius of 4 to 15 mm (`bench/scans/random_tubes.cpp`), and is a mesh of 6 to 10 grid steps a radius
 whose points err by 1 % of the radius (σ) along the surface's normal. "From one side" leaves the faces that look toward a viewer who
 sees the tube lying: half of every section. Nothing is told to the search, not even the radius. The errors are of the
-tubes whose number of bends is right; a straight at an end goes to where the surface ends.
+tubes whose number of bends is right; a straight at an end goes to where the surface ends. Shares of 1,000 tubes have
+standard errors of 0.4 to 0.5 points; of 200 tubes 0.8 to 1.1, which tells 95 from 97 % too badly.
 )";
 
 constexpr const char* kPaperHow = R"(
@@ -54,7 +55,7 @@ struct Options {
   AboutRun about;
   std::string page, picture;
   std::uint64_t first_seed = 1;
-  int tubes = 200;
+  int tubes = 1000;
   double largest = 1e7;
 };
 
@@ -118,7 +119,7 @@ int run_command_line(int argc, char** argv) {
   app.require_subcommand(1);
   CLI::App* bends = app.add_subcommand("bends", "bends of random tubes, of full scans and of scans from one side");
   bends->add_option("--first-seed", options.first_seed, "of the tubes (default: 1)");
-  bends->add_option("--tubes", options.tubes, "how many (default: 200)")->check(CLI::Range(1, 100000));
+  bends->add_option("--tubes", options.tubes, "how many (default: 1000)")->check(CLI::Range(1, 100000));
   CLI::App* paper = app.add_subcommand("paper", "scans like the paper's, against its own algorithms transcribed");
   paper->add_option("--largest", options.largest, "faces of the largest growing scan (default: 1e7)")
       ->check(CLI::Range(1e4, 1e8));

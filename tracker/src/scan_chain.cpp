@@ -254,9 +254,11 @@ std::optional<FittedChain> fit_chain_to_surface(const PartChain& initial, const 
   if (!(initial.bends.front().straight_m > 0.0) && fit.chain.bends.front().straight_m < told_apart_m)
     return std::nullopt;
   if (!(initial.closing_m > 0.0) && fit.chain.closing_m < told_apart_m) return std::nullopt;
-  // What all of the section errs by alike, measured on meshes (docs/bends.md); less of it says less.
-  constexpr double kEndSteps = 0.009;
-  const double all_m = kEndSteps * config.grid_step_m * 2.0 * std::numbers::pi / std::max(1.0, tube.evidence.arc_rad);
+  // What all of the section errs by alike, measured on meshes (docs/bends.md). Of a part of it, which tells an end's
+  // place and tilt less well apart, it is more.
+  constexpr double kEndSteps = 0.005;
+  const double whole = 2.0 * std::numbers::pi / std::max(1.0, tube.evidence.arc_rad);
+  const double all_m = kEndSteps * config.grid_step_m * std::pow(whole, 2.5);
   return with_covariance(fit.chain, covariance, std::hypot(all_m, tube.evidence.begin_sigma_m),
                          std::hypot(all_m, tube.evidence.end_sigma_m));
 }
