@@ -43,18 +43,24 @@ double pieces_at_most(const Scan& scan, double limit_m) {
 }
 
 /// The longest edge that a piece of a face may have: two grid steps, or more where that made too many pieces.
-double piece_limit_m(const Scan& scan, std::size_t max_count) {
+double piece_limit_m(const Scan& scan, std::size_t max_count, double longest_m2) {
   double limit_m = 2.0 * scan.grid_step_m;
   if (!(limit_m > 0.0) || scan.faces.size() >= max_count) return std::numeric_limits<double>::infinity();
-  while (pieces_at_most(scan, limit_m) > static_cast<double>(max_count)) limit_m *= 2.0;
+  while (longest_m2 > limit_m * limit_m && pieces_at_most(scan, limit_m) > static_cast<double>(max_count))
+    limit_m *= 2.0;
   return limit_m;
 }
 
-/// Normals at a mesh's points: sums of their faces' ones, weighted by area; zero where no face is.
-std::vector<Eigen::Vector3d> normals_at_points(const Scan& scan) {
+/// Normals at a mesh's points: sums of their faces' ones, weighted by area; zero where no face is. `longest_m2`: gets
+/// the square of the longest edge.
+std::vector<Eigen::Vector3d> normals_at_points(const Scan& scan, double& longest_m2) {
+  longest_m2 = 0.0;
   std::vector<Eigen::Vector3d> normals(scan.points_m.size(), Eigen::Vector3d::Zero());
   for (const auto& [a, b, c] : scan.faces) {
-    const Eigen::Vector3d twice_area = (scan.points_m[b] - scan.points_m[a]).cross(scan.points_m[c] - scan.points_m[a]);
+    const Eigen::Vector3d to_b = scan.points_m[b] - scan.points_m[a], to_c = scan.points_m[c] - scan.points_m[a];
+    const Eigen::Vector3d twice_area = to_b.cross(to_c);
+    longest_m2 = std::max(
+        {longest_m2, to_b.squaredNorm(), to_c.squaredNorm(), (scan.points_m[c] - scan.points_m[b]).squaredNorm()});
     for (const std::uint32_t corner : {a, b, c}) normals[corner] += twice_area;
   }
   for (Eigen::Vector3d& normal : normals) normal.normalize();
@@ -141,9 +147,11 @@ void add_pieces(const Face& face, double limit_m, const ScanSurfel& surfel, doub
 }
 
 void add_mesh(const Scan& scan, std::size_t max_count, std::vector<ScanSurfel>& surfels) {
-  const double limit_m = piece_limit_m(scan, max_count);
+  double longest_m2 = 0.0;
+  const std::vector<Eigen::Vector3d> normals = normals_at_points(scan, longest_m2);
+  const double limit_m = piece_limit_m(scan, max_count, longest_m2);
   const double step_area = scan.grid_step_m * scan.grid_step_m;
-  const std::vector<Eigen::Vector3d> normals = normals_at_points(scan);
+  const bool all_whole = longest_m2 <= limit_m * limit_m;
   std::vector<Triangle> pieces;
   surfels.reserve(scan.faces.size());
   for (std::size_t i = 0; i < scan.faces.size(); ++i) {
@@ -151,7 +159,11 @@ void add_mesh(const Scan& scan, std::size_t max_count, std::vector<ScanSurfel>& 
     ScanSurfel surfel;
     // Paper, section 3: the cross product of face edges.
     surfel.inward_normal = -face.normal.cast<float>();
-    add_pieces(face, limit_m, surfel, step_area, pieces, surfels);
+    if (all_whole) {
+      add_whole(face, surfel, step_area, surfels);
+    } else {
+      add_pieces(face, limit_m, surfel, step_area, pieces, surfels);
+    }
   }
 }
 

@@ -210,6 +210,30 @@ TEST(AccumulationMap, MomentsHoldTheVotesOfAWholeImage) {
   EXPECT_EQ(map.box({0, 0, 0}, 1).moments[5], 1'000'000LL * 128 * 128);
 }
 
+TEST(AccumulationMap, MomentsBeyond32BitsAreExactAndGoAwayWithTheirVotes) {
+  AccumulationMap map(0.001);
+  const VoteRecord along{{0, 0, 0}, {0, 0, 4096}, 0, 0, 60'000}, askew{{0, 0, 0}, {2896, 0, -2896}, 0, 0, 60'000};
+  for (int i = 0; i < 100; ++i) {
+    map.add(along);
+    map.add(askew);
+  }
+  constexpr std::int64_t kVotes = 6'000'000, kAskew = 2896 / 32 + 1;  // 90.5, to the nearest
+  const Voxel full = map.at({0, 0, 0});
+  EXPECT_EQ(full.votes, 2 * kVotes);
+  EXPECT_EQ(full.moments[0], kVotes * kAskew * kAskew);
+  EXPECT_EQ(full.moments[2], -kVotes * kAskew * (kAskew - 1));
+  EXPECT_EQ(full.moments[5], kVotes * (128 * 128 + (kAskew - 1) * (kAskew - 1)));
+  EXPECT_EQ(map.box({0, 0, 0}, 1), full);
+  for (int i = 0; i < 100; ++i) map.withdraw(askew);
+  EXPECT_EQ(map.at({0, 0, 0}), (Voxel{kVotes, 0, {0, 0, 0, 0, 0, kVotes * 128 * 128}}));
+  for (int i = 0; i < 100; ++i) map.withdraw(along);
+  EXPECT_EQ(map.at({0, 0, 0}), Voxel{});
+  EXPECT_EQ(map.block_count(), 0U);
+  // Its place serves another voxel, and has forgotten.
+  map.add({{8192, 0, 0}, {4096, 0, 0}, 0, 0, 1});
+  EXPECT_EQ(map.at({0, 0, 2}), (Voxel{1, 0, {128 * 128, 0, 0, 0, 0, 0}}));
+}
+
 /// The voxel that rays from all places of an arc around `axis` cross, −half … half from `middle`.
 Voxel voxel_of_arc(const Vector3d& axis, const Vector3d& middle, double half_rad) {
   AccumulationMap map(0.001);

@@ -5,6 +5,7 @@
 
 #include <Eigen/Geometry>
 #include <algorithm>
+#include <bit>
 #include <cmath>
 #include <cstdint>
 #include <cstdio>
@@ -35,19 +36,12 @@ std::vector<ScanSurfel> cylinder(int count) {
   return surfels;
 }
 
-TEST(ScanGrid, EverySurfelIsInOneCellAndEveryCellInOneBucket) {
-  const std::vector<ScanSurfel> surfels = cylinder(5000);
-  std::vector<std::uint32_t> merged_into;
-  const SurfelGrid grid = merged_by_cell(surfels, {}, 0.3 * kRadius_m, merged_into);
-  ASSERT_EQ(merged_into.size(), surfels.size());
-  for (std::size_t i = 0; i < surfels.size(); ++i) {
-    ASSERT_LT(merged_into[i], grid.surfels.size());
-    const float away_m = (grid.surfels[merged_into[i]].position_m - surfels[i].position_m).norm();
-    EXPECT_LT(away_m, std::sqrt(3.0) * grid.cell_m);
-  }
+TEST(ScanGrid, EveryCellIsInOneBucket) {
+  const SurfelGrid grid = merged_by_cell(cylinder(5000), {}, 0.3 * kRadius_m);
   std::uint32_t next = 0;
   for (const SurfelBucket& bucket : grid.buckets) {
     EXPECT_EQ(bucket.begin, next);
+    EXPECT_EQ(std::popcount(bucket.cells), static_cast<int>(bucket.end - bucket.begin));
     for (next = bucket.begin; next < bucket.end; ++next)
       EXPECT_LT((grid.surfels[next].position_m.cast<double>() - bucket.center_m).norm(),
                 1.001 * grid.bucket_radius_m());
@@ -55,26 +49,55 @@ TEST(ScanGrid, EverySurfelIsInOneCellAndEveryCellInOneBucket) {
   EXPECT_EQ(next, grid.surfels.size());
 }
 
+/// The places in the grid of the surfels' cells, by a flag for each in turn; so many where a surfel has none.
+std::vector<std::size_t> places_in(const SurfelGrid& grid, const std::vector<ScanSurfel>& surfels) {
+  std::vector<std::size_t> places(surfels.size(), 0);
+  int bits = 1;
+  while (grid.surfels.size() >> bits != 0) ++bits;
+  for (int bit = -1; bit < bits; ++bit) {
+    std::vector<char> flags(grid.surfels.size(), 1), members(surfels.size(), 0);
+    for (std::size_t k = 0; k < flags.size() && bit >= 0; ++k) flags[k] = static_cast<char>(k >> bit & 1);
+    flag_members(grid, flags, surfels, members);
+    for (std::size_t i = 0; i < surfels.size(); ++i) {
+      if (bit < 0 && members[i] == 0) places[i] = grid.surfels.size();
+      if (bit >= 0 && places[i] != grid.surfels.size() && members[i] != 0) places[i] |= std::size_t{1} << bit;
+    }
+  }
+  return places;
+}
+
+TEST(ScanGrid, EverySurfelIsInTheCellOfItsPlace) {
+  const std::vector<ScanSurfel> surfels = cylinder(5000);
+  const SurfelGrid grid = merged_by_cell(surfels, {}, 0.3 * kRadius_m);
+  const std::vector<std::size_t> places = places_in(grid, surfels);
+  std::vector<std::uint32_t> counts(grid.surfels.size(), 0);
+  for (std::size_t i = 0; i < surfels.size(); ++i) {
+    ASSERT_LT(places[i], grid.surfels.size());
+    ++counts[places[i]];
+    const float away_m = (grid.surfels[places[i]].position_m - surfels[i].position_m).norm();
+    EXPECT_LT(away_m, std::sqrt(3.0) * grid.cell_m);
+  }
+  EXPECT_EQ(std::count(counts.begin(), counts.end(), 0U), 0);
+}
+
 TEST(ScanGrid, ManySurfelsThatAreSortedInSharesAreInTheCellsOfTheirPlaces) {
   const std::vector<ScanSurfel> surfels = cylinder(300'000);
-  std::vector<std::uint32_t> merged_into, of_half;
   const double cell_m = 0.05 * kRadius_m;
-  const SurfelGrid grid = merged_by_cell(surfels, {}, cell_m, merged_into);
+  const SurfelGrid grid = merged_by_cell(surfels, {}, cell_m);
   EXPECT_TRUE(std::is_sorted(grid.keys.begin(), grid.keys.end()));
   EXPECT_EQ(std::adjacent_find(grid.keys.begin(), grid.keys.end()), grid.keys.end());
+  const std::vector<std::size_t> places = places_in(grid, surfels);
   for (std::size_t i = 0; i < surfels.size(); ++i)
-    ASSERT_LT((grid.surfels[merged_into[i]].position_m - surfels[i].position_m).norm(), std::sqrt(3.0) * cell_m);
+    ASSERT_LT((grid.surfels[places[i]].position_m - surfels[i].position_m).norm(), std::sqrt(3.0) * cell_m);
   // Half of them, which are sorted in one go, share cells as they do among all.
   std::vector<char> second_half(surfels.size(), 0);
   std::fill(second_half.begin() + 150'000, second_half.end(), 1);
-  merged_by_cell(surfels, second_half, cell_m, of_half);
-  for (std::size_t i = 1; i < 150'000; ++i)
-    EXPECT_EQ(merged_into[i] == merged_into[i - 1], of_half[i] == of_half[i - 1]);
+  const std::vector<std::size_t> of_half = places_in(merged_by_cell(surfels, second_half, cell_m), surfels);
+  for (std::size_t i = 1; i < 150'000; ++i) EXPECT_EQ(places[i] == places[i - 1], of_half[i] == of_half[i - 1]);
 }
 
 TEST(ScanGrid, WhereSurfelsAreOnALineDoesNotDependOnTheVectors) {
-  std::vector<std::uint32_t> merged_into;
-  const SurfelGrid grid = merged_by_cell(cylinder(20'000), {}, 0.3 * kRadius_m, merged_into);
+  const SurfelGrid grid = merged_by_cell(cylinder(20'000), {}, 0.3 * kRadius_m);
   const ScanLine line = scan_line_along({{-0.02, 0.0, 0.0}, {0.1, 0.002, 0.001}, {0.22, 0.0, 0.0}}, kRadius_m, false);
   const std::vector<SurfacePoint> best = points_near(grid, {}, line);
   ASSERT_GT(best.size(), 1000U);
@@ -95,16 +118,31 @@ TEST(ScanGrid, WhereSurfelsAreOnALineDoesNotDependOnTheVectors) {
 TEST(ScanGrid, WhatIsLeftOutIsInNoCell) {
   const std::vector<ScanSurfel> surfels = cylinder(1000);
   std::vector<char> left_out(surfels.size(), 0);
-  for (std::size_t i = 0; i < left_out.size(); i += 2) left_out[i] = 1;
-  std::vector<std::uint32_t> merged_into;
-  merged_by_cell(surfels, left_out, 0.3 * kRadius_m, merged_into);
-  for (std::size_t i = 0; i < surfels.size(); ++i) EXPECT_EQ(merged_into[i] == kNotMerged, left_out[i] != 0);
+  for (std::size_t i = 0; i < surfels.size(); ++i) left_out[i] = surfels[i].position_m.x() > 0.1F ? 1 : 0;
+  const double cell_m = 0.0005 * kRadius_m;  // one for each
+  const SurfelGrid grid = merged_by_cell(surfels, left_out, cell_m);
+  const std::vector<std::size_t> places = places_in(grid, surfels);
+  for (std::size_t i = 0; i < surfels.size(); ++i) EXPECT_EQ(places[i] == grid.surfels.size(), left_out[i] != 0);
+}
+
+TEST(ScanGrid, OppositeWallsThatCancelOutAreInNoCell) {
+  std::vector<ScanSurfel> surfels = cylinder(1000);
+  const std::size_t count = surfels.size();
+  for (std::size_t i = 0; i < count; i += 2) {
+    surfels.push_back(surfels[i]);
+    surfels.back().inward_normal *= -1.0F;
+  }
+  const SurfelGrid grid = merged_by_cell(surfels, {}, 0.0005 * kRadius_m);
+  EXPECT_EQ(grid.surfels.size(), count / 2);
+  const std::vector<std::size_t> places = places_in(grid, surfels);
+  for (std::size_t i = 0; i < surfels.size(); ++i)
+    EXPECT_EQ(places[i] == grid.surfels.size(), i >= count || i % 2 == 0);
 }
 
 TEST(ScanGrid, BucketsInABoxAreAllThatHaveTheirCentreInIt) {
   const std::vector<ScanSurfel> surfels = cylinder(20000);
-  std::vector<std::uint32_t> merged_into, numbers;
-  const SurfelGrid grid = merged_by_cell(surfels, {}, 0.05 * kRadius_m, merged_into);
+  std::vector<std::uint32_t> numbers;
+  const SurfelGrid grid = merged_by_cell(surfels, {}, 0.05 * kRadius_m);
   for (const double from_m : {-0.1, 0.0, 0.07, 0.19, 0.3}) {
     const Eigen::AlignedBox3d box(Eigen::Vector3d(from_m, 0.0, -0.02), Eigen::Vector3d(from_m + 0.02, 0.004, 0.02));
     grid.buckets_in(box, numbers);
@@ -118,8 +156,7 @@ TEST(ScanGrid, BucketsInABoxAreAllThatHaveTheirCentreInIt) {
 
 TEST(ScanGrid, MeansOfCellsKnowHowFarTheCurvedSurfaceStandsOutOverThem) {
   const std::vector<ScanSurfel> surfels = cylinder(40000);
-  std::vector<std::uint32_t> merged_into;
-  const SurfelGrid grid = merged_by_cell(surfels, {}, 0.4 * kRadius_m, merged_into);
+  const SurfelGrid grid = merged_by_cell(surfels, {}, 0.4 * kRadius_m);
   const ScanLine line = scan_line_along({{-0.05, 0.0, 0.0}, {0.25, 0.0, 0.0}}, kRadius_m, false);
   double means_m = 0.0, surface_m = 0.0, worst_m = 0.0;
   const std::vector<SurfacePoint> points = points_near(grid, {}, line);

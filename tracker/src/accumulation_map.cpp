@@ -15,7 +15,8 @@ namespace {
 constexpr int kFractionBits = 12;
 constexpr double kOne = 1 << kFractionBits;
 constexpr int kMomentShift = 5;  // directions enter the moments in 1/128
-constexpr Voxel kNothing;
+constexpr std::int64_t kRound = std::int64_t{1} << 32;
+constexpr std::int32_t kMostWeight = 1 << 16;  // of a vote whose moments have 32 bits; more is cast in parts
 
 /// std::lround, which is a call; where the integer fits.
 std::int32_t rounded(double value) {
@@ -29,16 +30,14 @@ VoxelIndex voxel_at_step(const VoteRecord& r, int step) {
   return {at(2), at(1), at(0)};
 }
 
-/// What each step of a record adds to its voxel, but for the steps themselves.
-Voxel vote_of(const VoteRecord& record, std::int32_t weight) {
+/// The moments that each step of a record adds to its voxel, `weight` up to kMostWeight.
+std::array<std::int32_t, 6> moments_of(const VoteRecord& record, std::int32_t weight) {
   // To the nearest: rounding down would tilt the axis of a tube seen from one side by up to 0.3°.
   const auto shifted = [](std::int32_t value) { return (value + (1 << kMomentShift) / 2) >> kMomentShift; };
-  const std::int64_t dx = shifted(record.direction[0]);
-  const std::int64_t dy = shifted(record.direction[1]);
-  const std::int64_t dz = shifted(record.direction[2]);
-  return {weight,
-          0,
-          {weight * dx * dx, weight * dx * dy, weight * dx * dz, weight * dy * dy, weight * dy * dz, weight * dz * dz}};
+  const std::int32_t dx = shifted(record.direction[0]);
+  const std::int32_t dy = shifted(record.direction[1]);
+  const std::int32_t dz = shifted(record.direction[2]);
+  return {weight * dx * dx, weight * dx * dy, weight * dx * dz, weight * dy * dy, weight * dy * dz, weight * dz * dz};
 }
 
 }  // namespace
@@ -108,6 +107,7 @@ void AccumulationMap::clear() {
   free_voxels_.clear();
   voxels_.clear();
   votes_.clear();
+  carried_.clear();
   changed_.clear();
   min_votes_ = -1;  // nothing that was remembered holds
 }
@@ -149,36 +149,75 @@ void AccumulationMap::leave_if_empty(const Block& block) {
   table_.erase(block.key);
 }
 
-void AccumulationMap::vote(Block& block, int bit, const Voxel& one) {
+void AccumulationMap::vote(Block& block, int bit, std::int32_t weight, const NarrowVoxel& one) {
   const std::uint64_t mask = std::uint64_t{1} << bit;
   std::uint32_t& place = block.place[static_cast<std::size_t>(bit)];
   if ((block.filled & mask) == 0) {
     block.filled |= mask;
     if (free_voxels_.empty()) {
       place = static_cast<std::uint32_t>(voxels_.size());
-      voxels_.push_back(one);
-      votes_.push_back(one.votes);
-    } else {
+      voxels_.emplace_back();
+      votes_.push_back(0);
+    } else {  // it is all 0
       place = free_voxels_.back();
       free_voxels_.pop_back();
-      voxels_[place] = one;
-      votes_[place] = one.votes;
     }
-    return;
   }
-  Voxel& now = voxels_[place];
-  now += one;
-  votes_[place] = now.votes;
-  if (now.votes == 0 && now == kNothing) {
+  votes_[place] += weight;
+  NarrowVoxel& now = voxels_[place];
+  now.steps += one.steps;
+  std::uint32_t beyond = 0;  // the upper bit says that a moment was
+  for (std::size_t i = 0; i < one.moments.size(); ++i) {
+    const auto before = static_cast<std::uint32_t>(now.moments[i]), more = static_cast<std::uint32_t>(one.moments[i]);
+    const std::uint32_t sum = before + more;
+    beyond |= (before ^ sum) & (more ^ sum);
+    now.moments[i] = static_cast<std::int32_t>(sum);
+  }
+  if (beyond >> 31 != 0) carry(place, one);
+  if (votes_[place] == 0 && is_nothing(place)) {
     block.filled &= ~mask;
     free_voxels_.push_back(place);
   }
 }
 
+/// Where a moment went round when `one` was added: what it lacks.
+void AccumulationMap::carry(std::uint32_t place, const NarrowVoxel& one) {
+  for (std::size_t i = 0; i < one.moments.size(); ++i) {
+    const std::int64_t sum = voxels_[place].moments[i], more = one.moments[i];
+    const std::int64_t lacks = sum - more > INT32_MAX ? -kRound : sum - more < INT32_MIN ? kRound : 0;
+    const std::uint64_t at = one.moments.size() * std::uint64_t{place} + i;
+    if (lacks != 0 && (carried_[at] += lacks) == 0) carried_.erase(at);
+  }
+}
+
+void AccumulationMap::add_to(Voxel& sum, std::uint32_t place) const {
+  const NarrowVoxel& voxel = voxels_[place];
+  sum.votes += votes_[place];
+  sum.steps += voxel.steps;
+  for (std::size_t i = 0; i < sum.moments.size(); ++i) sum.moments[i] += voxel.moments[i];
+  for (std::size_t i = 0; i < sum.moments.size() && !carried_.empty(); ++i) {
+    const auto carried = carried_.find(sum.moments.size() * std::uint64_t{place} + i);
+    if (carried != carried_.end()) sum.moments[i] += carried->second;
+  }
+}
+
+bool AccumulationMap::is_nothing(std::uint32_t place) const {
+  Voxel voxel;
+  add_to(voxel, place);
+  return voxel == Voxel{};
+}
+
 void AccumulationMap::cast(const VoteRecord& record, int sign) {
-  const std::int32_t weight = sign * record.weight;
-  if (weight == 0 || record.first_step > record.last_step) return;
-  Voxel one = vote_of(record, weight);
+  for (std::int64_t left = std::int64_t{sign} * record.weight; left != 0;) {
+    const auto part = static_cast<std::int32_t>(std::clamp<std::int64_t>(left, -kMostWeight, kMostWeight));
+    cast_part(record, part);
+    left -= part;
+  }
+}
+
+void AccumulationMap::cast_part(const VoteRecord& record, std::int32_t weight) {
+  if (record.first_step > record.last_step) return;
+  NarrowVoxel one{0, moments_of(record, weight)};
   VoxelIndex last = voxel_at_step(record, record.first_step);
   Block* block = &take_block(block_key(last));
   for (int step = record.first_step; step <= record.last_step; ++step) {
@@ -191,7 +230,7 @@ void AccumulationMap::cast(const VoteRecord& record, int sign) {
       block = &take_block(block_key(index));
     }
     one.steps = weight * step;
-    vote(*block, bit_of(index), one);
+    vote(*block, bit_of(index), weight, one);
   }
   leave_if_empty(*block);
 }
@@ -201,13 +240,14 @@ Voxel AccumulationMap::at(const VoxelIndex& index) const {
   if (at == BlockTable::kNone) return {};
   const Block& block = blocks_[static_cast<std::size_t>(at)];
   const int bit = bit_of(index);
-  return (block.filled >> bit & 1) != 0 ? voxels_[block.place[static_cast<std::size_t>(bit)]] : Voxel{};
+  Voxel voxel;
+  if ((block.filled >> bit & 1) != 0) add_to(voxel, block.place[static_cast<std::size_t>(bit)]);
+  return voxel;
 }
 
 Voxel AccumulationMap::box(const VoxelIndex& index, int half) const {
   Voxel sum;
-  visit_box(index, half,
-            [&](const Block& block, int bit) { sum += voxels_[block.place[static_cast<std::size_t>(bit)]]; });
+  visit_box(index, half, [&](const Block& block, int bit) { add_to(sum, block.place[static_cast<std::size_t>(bit)]); });
   return sum;
 }
 

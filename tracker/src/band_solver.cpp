@@ -81,7 +81,7 @@ BandMatrix BandSolver::inverse_band() const {
   const Index size = lower_.rows();
   const Index last = size - 1;
   BandMatrix inverse(size);
-  inverse.row(last)[last] = 1.0 / diagonal_[last];
+  inverse.row(last)[last] = inverse_of_last();
   std::array<double, 12> factors{};  // of the column, below it
   for (Index col = last - 1; col >= 0; --col) {
     const Index end = lower_.end_in(col);

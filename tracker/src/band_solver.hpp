@@ -55,6 +55,8 @@ class BandSolver {
   /// False where the matrix is not positive definite; then there is no solution.
   bool ok() const { return ok_; }
   RecycledColumn solve(const RecycledColumn& right) const;
+  /// The inverse's last entry, of the radius.
+  double inverse_of_last() const { return 1.0 / diagonal_[diagonal_.size() - 1]; }
   /// The inverse inside the band and in the last row and column (Takahashi's recurrence: an entry of the inverse where
   /// the factor has one depends on others of that kind alone).
   BandMatrix inverse_band() const;

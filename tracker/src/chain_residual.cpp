@@ -72,28 +72,47 @@ void PartSums::add(const ChainPoint& point, const Eigen::Vector3d& along, const 
 
 void put_together(const std::vector<PartSums>& parts, const RecycledVector<Carry>& carries, RecycledMatrix& normal,
                   RecycledColumn& gradient) {
-  const auto count = static_cast<Eigen::Index>(carries.size()) + 1;
-  normal.setZero(count, count);
-  gradient.setZero(count);
-  Eigen::Matrix<double, 8, Eigen::Dynamic> moves(8, count);
-  for (std::size_t part = 0; part < parts.size(); ++part) {
-    const std::size_t bend = part / 2;
-    const Eigen::Index behind = place_of(bend, BendParameter::straight);
-    moves.setZero();
-    const auto put = [&](Eigen::Index column) {
-      moves.col(column).head<3>() = carries[static_cast<std::size_t>(column)].shift;
-      moves.col(column).segment<3>(3) = carries[static_cast<std::size_t>(column)].turn;
-    };
-    for (Eigen::Index k = 0; k < behind; ++k) put(k);
-    if (part % 2 == 1) {
-      put(behind);
-      put(place_of(bend, BendParameter::rotation));
-      moves(6, place_of(bend, BendParameter::log_radius)) = 1.0;
-    }
-    moves(7, count - 1) = 1.0;
-    normal.noalias() += moves.transpose() * (parts[part].normal * moves);
-    gradient.noalias() += moves.transpose() * parts[part].gradient;
+  using Move = Eigen::Matrix<double, 6, 1>;
+  const auto last = static_cast<Eigen::Index>(carries.size());  // the radius
+  normal.setZero(last + 1, last + 1);
+  gradient.setZero(last + 1);
+  const auto move = [&](Eigen::Index k) {
+    const Carry& carry = carries[static_cast<std::size_t>(k)];
+    return Move((Move() << carry.shift, carry.turn).finished());
+  };
+  // A parameter carries all that lies behind it alike, as those before it do: with the sums over that it is one
+  // product.
+  PartSums behind = parts.back();
+  const auto put = [&](Eigen::Index k) {
+    const Move own = move(k);
+    const PartSums::Row pull = behind.normal.leftCols<6>() * own;
+    for (Eigen::Index i = 0; i <= k; ++i) normal(i, k) += move(i).dot(pull.head<6>());
+    normal(k, last) += pull[7];
+    gradient[k] += own.dot(behind.gradient.head<6>());
+  };
+  const auto add = [&](const PartSums& part) {
+    behind.normal += part.normal;
+    behind.gradient += part.gradient;
+  };
+  for (std::size_t bend = parts.size() / 2; bend-- > 0;) {
+    const PartSums& arc = parts[2 * bend + 1];
+    const Eigen::Index radius = place_of(bend, BendParameter::log_radius);
+    put(place_of(bend, BendParameter::angle));
+    put(radius);
+    add(arc);
+    put(place_of(bend, BendParameter::rotation));
+    put(place_of(bend, BendParameter::straight));
+    // Inside the arc its radius moves points by how far in they are.
+    for (Eigen::Index i = 0; i < radius; ++i) normal(i, radius) += move(i).dot(arc.normal.col(6).head<6>());
+    normal(radius, radius) += arc.normal(6, 6);
+    normal(radius, last) += arc.normal(6, 7);
+    gradient[radius] += arc.gradient[6];
+    add(parts[2 * bend]);
   }
+  for (Eigen::Index k = 0; k < kStartParameters; ++k) put(k);
+  normal(last, last) = behind.normal(7, 7);
+  gradient[last] = behind.gradient[7];
+  normal.triangularView<Eigen::StrictlyLower>() = normal.transpose();
 }
 
 Eigen::Index parameter_count(const PartChain& chain) {

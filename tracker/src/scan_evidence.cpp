@@ -37,19 +37,20 @@ std::vector<SectionAxes> frames_along(const Spline& spline, const std::vector<Sc
 
 struct RadiusSums {
   double count = 0.0, sum = 0.0, squares = 0.0;
-  RadiusSums& operator+=(const RadiusSums& other) {
-    count += other.count;
-    sum += other.sum;
-    squares += other.squares;
-    return *this;
+
+  void add(double radius_m) {
+    count += 1.0;
+    sum += radius_m;
+    squares += radius_m * radius_m;
   }
 };
 
 struct Sections {
   std::vector<std::uint64_t> by_place, by_normal;  // one a station
-  std::vector<std::array<RadiusSums, kBins>> radii;
-  std::vector<double> agreeing;  // how many surfels
+  std::vector<double> agreeing;                    // how many surfels
+  std::vector<std::uint32_t> places;               // of the points that agree: kBins · station + bin, else kNowhere
 };
+constexpr std::uint32_t kNowhere = 0xFFFFFFFF;
 
 void set_arcs(const Sections& sections, double min_arc_rad, std::vector<ScanStation>& stations) {
   for (std::size_t i = 0; i < stations.size(); ++i) {
@@ -96,8 +97,8 @@ struct Look {
     return std::min(static_cast<std::size_t>(point.t / station_spans), axes.size() - 1);
   }
   bool agrees(const SurfacePoint& point) const {
-    return static_cast<double>(point.facing) >= kAgreeFacing &&
-           std::abs(static_cast<double>(point.distance_m) - radius_m) <= agree_m;
+    return std::abs(static_cast<double>(point.distance_m) - radius_m) <= agree_m &&
+           static_cast<double>(point.inward.dot(surfels[point.surfel].inward_normal)) >= kAgreeFacing;
   }
 };
 
@@ -130,23 +131,41 @@ TubeEnd end_at(const Look& look, std::size_t station, bool front, double spacing
   return end_of(std::move(outer), outermost, front, spacing_spans);
 }
 
-/// RMS of the section's shape against its mean, over stretches of four radii (a section that turns along a long tube
-/// would be smeared out) or as many more as it takes to have enough surfels; less what the scatter within the bins
-/// adds.
-double profile_rms(const Sections& sections, std::size_t first, std::size_t last) {
+/// Sums over the bins of a section, pooled along stretches of four radii (a section that turns along a long tube would
+/// be smeared out) or as many more as it takes to have enough surfels.
+std::vector<std::array<RadiusSums, kBins>> pooled_bins(const Look& look, const Sections& sections, std::size_t first,
+                                                       std::size_t last) {
   constexpr std::size_t kPooled = 8;
   constexpr double kEnough = 8.0 * kBins;
-  double sum = 0.0, count = 0.0;
-  for (std::size_t begin = first, end = first; begin <= last; begin = end) {
-    std::array<RadiusSums, kBins> bins{};
-    double pooled = 0.0;
-    for (; end <= last && (end < begin + kPooled || pooled < kEnough); ++end) {
-      pooled += sections.agreeing[end];
-      for (std::size_t bin = 0; bin < kBins; ++bin) bins[bin] += sections.radii[end][bin];
+  std::vector<std::uint32_t> pool_of;  // of the stations from the first on
+  std::uint32_t pool = 0;
+  double agreeing = 0.0;
+  for (std::size_t at = first, begin = first; at <= last; ++at) {
+    if (at >= begin + kPooled && agreeing >= kEnough) {
+      ++pool;
+      begin = at;
+      agreeing = 0.0;
     }
-    double filled = 0.0, mean_m = 0.0, scatter = 0.0;
+    agreeing += sections.agreeing[at];
+    pool_of.push_back(pool);
+  }
+  std::vector<std::array<RadiusSums, kBins>> pools(pool + 1);
+  for (std::size_t i = 0; i < look.points.size(); ++i) {
+    const std::uint32_t place = sections.places[i];
+    const std::size_t at = place / kBins - first;  // wraps to a large number before the first
+    if (place != kNowhere && at < pool_of.size()) pools[pool_of[at]][place % kBins].add(look.points[i].distance_m);
+  }
+  return pools;
+}
+
+/// RMS of the section's shape against its mean; less what the scatter within the bins adds.
+double profile_rms(const Look& look, const Sections& sections, std::size_t first, std::size_t last) {
+  double sum = 0.0, count = 0.0;
+  for (const std::array<RadiusSums, kBins>& bins : pooled_bins(look, sections, first, last)) {
+    double pooled = 0.0, filled = 0.0, mean_m = 0.0, scatter = 0.0;
     for (const RadiusSums& bin : bins) {
       if (!(bin.count > 0.0)) continue;
+      pooled += bin.count;
       filled += 1.0;
       mean_m += bin.sum / bin.count;
       scatter += std::max(0.0, bin.squares - bin.sum * bin.sum / bin.count);
@@ -193,22 +212,22 @@ Sections gather(const Look& look, double spacing_m, std::vector<ScanStation>& st
   Sections sections;
   sections.by_place.resize(count);
   sections.by_normal.resize(count);
-  sections.radii.resize(count);
   sections.agreeing.resize(count);
+  sections.places.resize(look.points.size(), kNowhere);
   const double half_rad = std::min(0.75 * spacing_m / look.radius_m, 0.4);
-  for (const SurfacePoint& point : look.points) {
+  for (std::size_t i = 0; i < look.points.size(); ++i) {
+    const SurfacePoint& point = look.points[i];
     const std::size_t at = look.station_of(point);
     const CellSurfel& surfel = look.surfels[point.surfel];
     const double weight = surfel.weight;
     stations[at].facing += weight;
     if (!look.agrees(point)) continue;
     stations[at].agree += weight;
-    const double distance_m = point.distance_m;
-    stations[at].radius_m += weight * distance_m;
+    stations[at].radius_m += weight * static_cast<double>(point.distance_m);
     const double place_rad = angle_of(-point.inward.cast<double>(), look.axes[at]);
     sections.by_place[at] |= bins_around(place_rad, half_rad);
     sections.by_normal[at] |= bins_around(angle_of(-surfel.inward_normal.cast<double>(), look.axes[at]), half_rad);
-    sections.radii[at][static_cast<std::size_t>(bin_of(place_rad))] += {1.0, distance_m, distance_m * distance_m};
+    sections.places[i] = static_cast<std::uint32_t>(kBins * at) + static_cast<std::uint32_t>(bin_of(place_rad));
     sections.agreeing[at] += 1.0;
   }
   for (ScanStation& station : stations) {
@@ -272,7 +291,7 @@ ScanEvidence look_at(std::span<const CellSurfel> surfels, const std::vector<Surf
   sum_up(first, last, evidence);
   evidence.spacing_radii = spacing_m / radius_m;
   evidence.scale_radii = scale_m / radius_m;
-  evidence.profile_rms_radii = profile_rms(sections, first, last);
+  evidence.profile_rms_radii = profile_rms(look, sections, first, last);
   evidence.taper = taper_of(evidence.stations, first, last, line_m / static_cast<double>(count));
   return evidence;
 }
@@ -294,8 +313,7 @@ void look_at_ends(std::span<const ScanSurfel> surfels, const ScanLine& line, dou
   }
   // Hardly any of them is taken together with another.
   constexpr double kApart = 0.05;
-  std::vector<std::uint32_t> merged_into;
-  const SurfelGrid grid = merged_by_cell(near, {}, kApart * spacing_m, merged_into);
+  const SurfelGrid grid = merged_by_cell(near, {}, kApart * spacing_m);
   const std::vector<SurfacePoint> points = points_near(grid, {}, line);
   set_stretch(look_along(grid.surfels, points, line, scale_m, evidence.stations), first, last, line, spacing_m,
               evidence);

@@ -153,6 +153,7 @@ FitOptions window_options(const ScanFitOptions& options) {
   window.radius_min_m = options.radius_min_m;
   window.radius_max_m = options.radius_max_m;
   window.gauss_newton_steps = options.steps;
+  window.want_covariance = false;
   return window;
 }
 
@@ -207,7 +208,7 @@ bool fit_windows(ScanLine& line, const Observed& observed, const ScanFitOptions&
     if (!(line.model.radius_m > 0.0)) return false;
     fit_options.radius_m = line.model.radius_m;
   }
-  fit_options.want_covariance = want_covariance || own_radii;
+  fit_options.want_covariance = want_covariance;
   RadiusMean radii;
   TubeModel fitted = line.model;
   fit.windows.clear();
@@ -224,8 +225,7 @@ bool fit_windows(ScanLine& line, const Observed& observed, const ScanFitOptions&
     if (own_radii) radii.add(window.radius_m, quality->radius_sigma_m);
     take_core(stretches[i], window.spline, fitted.spline);
     fit.windows.push_back({static_cast<std::size_t>(stretches[i].begin), 1.0 * stretches[i].core_begin,
-                           1.0 * stretches[i].core_end, std::move(window.spline),
-                           want_covariance ? std::move(quality->covariance) : BandMatrix()});
+                           1.0 * stretches[i].core_end, std::move(window.spline), std::move(quality->covariance)});
   }
   line.model = std::move(fitted);
   if (own_radii && !fit.windows.empty()) {

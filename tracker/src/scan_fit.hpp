@@ -31,7 +31,6 @@ struct SurfacePoint {
   float lift_m = 0.0F;                                ///< the surface lies so far outward of the surfel, a mean
   float distance_m = 0.0F;                            ///< of the surface from the centreline
   Eigen::Vector3f inward = Eigen::Vector3f::UnitX();  ///< unit, from the point to its foot
-  float facing = 0.0F;                                ///< cosine between that and the surfel's inward normal
 };
 
 /// The surfels that belong to a tube (paper, section 2.3): those whose nearest node has them within half a step along

@@ -52,20 +52,32 @@ void sort_by_key(int bits, std::vector<CellMember>& members, std::vector<CellMem
   }
 }
 
+Cell bucket_of(const Cell& cell) {
+  return {cell[0] >> kBucketBits, cell[1] >> kBucketBits, cell[2] >> kBucketBits};
+}
+
+/// The cell within its bucket.
+std::uint64_t fine_key(const Cell& cell) {
+  constexpr std::int32_t kMask = (1 << kBucketBits) - 1;
+  return static_cast<std::uint64_t>(((cell[2] & kMask) << kBucketBits | (cell[1] & kMask)) << kBucketBits |
+                                    (cell[0] & kMask));
+}
+
 /// How places become keys.
 struct CellKeys {
   double per_cell = 1.0;
   Cell first_bucket{}, bits{};  // as SurfelGrid has them
 
   int all_bits() const { return bits[0] + bits[1] + bits[2] + kFineBits; }
+  std::uint64_t of_bucket(const Cell& bucket) const {
+    std::uint64_t key = 0;
+    for (std::size_t axis = 3; axis-- > 0;)
+      key = key << bits[axis] | static_cast<std::uint64_t>(bucket[axis] - first_bucket[axis]);
+    return key;
+  }
   std::uint64_t of(const Eigen::Vector3f& position_m) const {
     const Cell cell = cell_of(position_m, per_cell);
-    std::uint64_t bucket = 0, fine = 0;
-    for (std::size_t axis = 3; axis-- > 0;) {
-      bucket = bucket << bits[axis] | static_cast<std::uint64_t>((cell[axis] >> kBucketBits) - first_bucket[axis]);
-      fine = fine << kBucketBits | static_cast<std::uint64_t>(cell[axis] & ((1 << kBucketBits) - 1));
-    }
-    return bucket << kFineBits | fine;
+    return of_bucket(bucket_of(cell)) << kFineBits | fine_key(cell);
   }
 };
 
@@ -181,33 +193,34 @@ CellSurfel mean_of(std::span<const AnySurfel> surfels, std::span<const CellMembe
   return mean;
 }
 
+/// A cell's bit in its bucket.
+std::uint64_t bit_of_cell(std::uint64_t key) {
+  return std::uint64_t{1} << (key & ((1 << kFineBits) - 1));
+}
+
 /// One surfel for each key of sorted members, which lie behind all that the grid has.
 template <typename AnySurfel>
-void add_cells(std::span<const AnySurfel> surfels, std::span<const CellMember> members, SurfelGrid& grid,
-               std::vector<std::uint32_t>& merged_into) {
+void add_cells(std::span<const AnySurfel> surfels, std::span<const CellMember> members, SurfelGrid& grid) {
   for (std::size_t begin = 0, end = 0; begin < members.size(); begin = end) {
     const std::uint64_t key = members[begin].key;
     while (end < members.size() && members[end].key == key) ++end;
-    const auto of_cell = members.subspan(begin, end - begin);
-    const CellSurfel mean = mean_of(surfels, of_cell);
+    const CellSurfel mean = mean_of(surfels, members.subspan(begin, end - begin));
     if (!(mean.weight > 0.0F)) continue;
     const auto place = static_cast<std::uint32_t>(grid.surfels.size());
     if (grid.keys.empty() || key >> kFineBits != grid.keys.back()) {
       grid.keys.push_back(key >> kFineBits);
-      grid.buckets.push_back({center_of_bucket(grid.keys.back(), grid), place, place});
+      grid.buckets.push_back({center_of_bucket(grid.keys.back(), grid), 0, place, place});
     }
     grid.surfels.push_back(mean);
     grid.buckets.back().end = place + 1;
-    for (const CellMember& member : of_cell) merged_into[member.surfel] = place;
+    grid.buckets.back().cells |= bit_of_cell(key);
   }
 }
 
 template <typename AnySurfel>
-SurfelGrid merged(std::span<const AnySurfel> surfels, std::span<const char> left_out, double cell_m,
-                  std::vector<std::uint32_t>& merged_into) {
+SurfelGrid merged(std::span<const AnySurfel> surfels, std::span<const char> left_out, double cell_m) {
   SurfelGrid grid;
   grid.cell_m = cell_m;
-  merged_into.assign(surfels.size(), kNotMerged);
   const auto is_in = [&](std::size_t i) { return left_out.empty() || left_out[i] == 0; };
   std::size_t count = 0;
   Eigen::AlignedBox3f box;
@@ -227,7 +240,7 @@ SurfelGrid merged(std::span<const AnySurfel> surfels, std::span<const char> left
   };
   const auto add_share = [&] {
     sort_by_key(keys.all_bits(), members, spare);
-    add_cells(surfels, std::span<const CellMember>(members), grid, merged_into);
+    add_cells(surfels, std::span<const CellMember>(members), grid);
     members.clear();
   };
   if (shares.ends.empty()) {
@@ -250,6 +263,50 @@ SurfelGrid merged(std::span<const AnySurfel> surfels, std::span<const char> left
     begin = end;
   }
   return grid;
+}
+
+/// Null where there is none.
+const SurfelBucket* find_bucket(const SurfelGrid& grid, const CellKeys& keys, const Cell& bucket) {
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    const std::int32_t at = bucket[axis] - keys.first_bucket[axis];
+    if (at < 0 || at >> keys.bits[axis] != 0) return nullptr;
+  }
+  const std::uint64_t key = keys.of_bucket(bucket);
+  const auto found = std::lower_bound(grid.keys.begin(), grid.keys.end(), key);
+  return found != grid.keys.end() && *found == key ? &grid.buckets[static_cast<std::size_t>(found - grid.keys.begin())]
+                                                   : nullptr;
+}
+
+/// Of the bucket at a place, a bit for each cell whose surfel is flagged.
+std::uint64_t flagged_cells(const SurfelGrid& grid, const CellKeys& keys, const Cell& bucket_at,
+                            std::span<const char> flags) {
+  const SurfelBucket* const bucket = find_bucket(grid, keys, bucket_at);
+  if (bucket == nullptr) return 0;
+  std::uint64_t flagged = 0;
+  std::uint32_t surfel = bucket->begin;
+  for (std::uint64_t cells = bucket->cells; cells != 0; cells &= cells - 1) {
+    if (flags[surfel++] != 0) flagged |= cells & -cells;
+  }
+  return flagged;
+}
+
+template <typename AnySurfel>
+void flag_all_of(const SurfelGrid& grid, std::span<const char> flags, std::span<const AnySurfel> surfels,
+                 std::vector<char>& members) {
+  struct Flagged {
+    Cell bucket{-1, -1, -1};
+    std::uint64_t cells = 0;
+  };
+  std::array<Flagged, 1 << kFineBits> recent;  // by the lowest bits of their places: a scan goes around in circles
+  const CellKeys keys{1.0 / grid.cell_m, grid.first_bucket, grid.bits};
+  for (std::size_t i = 0; i < surfels.size(); ++i) {
+    if (members[i] != 0) continue;
+    const Cell cell = cell_of(surfels[i].position_m, keys.per_cell);
+    const Cell bucket = bucket_of(cell);
+    Flagged& flagged = recent[fine_key(bucket)];
+    if (flagged.bucket != bucket) flagged = {bucket, flagged_cells(grid, keys, bucket, flags)};
+    members[i] = static_cast<char>(flagged.cells >> fine_key(cell) & 1);
+  }
 }
 
 }  // namespace
@@ -291,13 +348,22 @@ void SurfelGrid::buckets_in(const Eigen::AlignedBox3d& box, std::vector<std::uin
   }
 }
 
-SurfelGrid merged_by_cell(std::span<const ScanSurfel> surfels, std::span<const char> left_out, double cell_m,
-                          std::vector<std::uint32_t>& merged_into) {
-  return merged(surfels, left_out, cell_m, merged_into);
+SurfelGrid merged_by_cell(std::span<const ScanSurfel> surfels, std::span<const char> left_out, double cell_m) {
+  return merged(surfels, left_out, cell_m);
 }
 
-SurfelGrid merged_by_cell(std::span<const CellSurfel> surfels, double cell_m, std::vector<std::uint32_t>& merged_into) {
-  return merged(surfels, {}, cell_m, merged_into);
+SurfelGrid merged_by_cell(std::span<const CellSurfel> surfels, double cell_m) {
+  return merged(surfels, {}, cell_m);
+}
+
+void flag_members(const SurfelGrid& grid, std::span<const char> flags, std::span<const ScanSurfel> surfels,
+                  std::vector<char>& members) {
+  flag_all_of(grid, flags, surfels, members);
+}
+
+void flag_members(const SurfelGrid& grid, std::span<const char> flags, std::span<const CellSurfel> surfels,
+                  std::vector<char>& members) {
+  flag_all_of(grid, flags, surfels, members);
 }
 
 }  // namespace tubetrack

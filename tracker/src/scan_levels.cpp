@@ -5,22 +5,9 @@
 
 namespace tubetrack {
 
-namespace {
-
-/// Flags of what a level was made of, from those of the level itself.
-std::vector<char> flags_of_finer(const ScanLevel& level, const std::vector<char>& flags) {
-  std::vector<char> finer(level.merged_into.size(), 0);
-  for (std::size_t i = 0; i < finer.size(); ++i) {
-    if (level.merged_into[i] != kNotMerged) finer[i] = flags[level.merged_into[i]];
-  }
-  return finer;
-}
-
-}  // namespace
-
 ScanLevels levels_of(std::span<const ScanSurfel> surfels, const std::vector<Octave>& octaves, double grid_step_m) {
   constexpr double kWholeSteps = 1.1;
-  ScanLevels levels{surfels, grid_step_m, {}, 0, std::vector<char>(surfels.size(), 0)};
+  ScanLevels levels{surfels, grid_step_m, {}, 0, {}};
   std::vector<double> cells_m;
   for (const Octave& octave : octaves) {
     if (!cells_m.empty() && octave.cell_m < kWholeSteps * grid_step_m) break;
@@ -30,9 +17,8 @@ ScanLevels levels_of(std::span<const ScanSurfel> surfels, const std::vector<Octa
   levels.all.resize(cells_m.size());
   for (std::size_t i = cells_m.size(); i-- > 0;) {
     ScanLevel& level = levels.all[i];
-    level.grid = i + 1 == cells_m.size()
-                     ? merged_by_cell(surfels, {}, cells_m[i], level.merged_into)
-                     : merged_by_cell(levels.all[i + 1].grid.surfels, cells_m[i], level.merged_into);
+    level.grid = i + 1 == cells_m.size() ? merged_by_cell(surfels, {}, cells_m[i])
+                                         : merged_by_cell(levels.all[i + 1].grid.surfels, cells_m[i]);
     level.spacing_m = std::max(cells_m[i], grid_step_m);
   }
   return levels;
@@ -41,23 +27,23 @@ ScanLevels levels_of(std::span<const ScanSurfel> surfels, const std::vector<Octa
 void go_to_level_of(const Octave& octave, std::vector<std::vector<char>>& certain, ScanLevels& levels) {
   if (certain.empty()) certain.emplace_back(levels.all[0].grid.surfels.size(), 0);
   while (levels.all[certain.size() - 1].grid.cell_m > octave.cell_m) {
-    const ScanLevel& coarser = levels.all[certain.size() - 1];
-    std::vector<char> finer = flags_of_finer(coarser, certain.back());
-    if (certain.size() >= levels.whole) {
-      // What this level was made of is the scan.
-      const std::vector<char> flat = flags_of_finer(coarser, flat_around(coarser.grid));
-      for (std::size_t i = 0; i < flat.size(); ++i) {
-        if (flat[i] != 0 || finer[i] != 0) levels.left_out[i] = 1;
-      }
-      ScanLevel level;
-      level.grid = merged_by_cell(levels.surfels, levels.left_out, octave.cell_m, level.merged_into);
-      level.spacing_m = levels.grid_step_m;
-      finer.assign(level.grid.surfels.size(), 0);
-      levels.all.push_back(std::move(level));
+    const SurfelGrid& coarser = levels.all[certain.size() - 1].grid;
+    std::vector<char> flags = certain.back();
+    if (certain.size() < levels.whole) {
+      const SurfelGrid& finer = levels.all[certain.size()].grid;
+      certain.emplace_back(finer.surfels.size(), 0);
+      flag_members(coarser, flags, finer.surfels, certain.back());
+      continue;
     }
-    // They have told what they are for.
-    levels.all[certain.size() - 1].merged_into = {};
-    certain.push_back(std::move(finer));
+    const std::vector<char> flat = flat_around(coarser);
+    for (std::size_t i = 0; i < flags.size(); ++i) flags[i] = static_cast<char>(flags[i] | flat[i]);
+    levels.left_out.resize(levels.surfels.size(), 0);
+    flag_members(coarser, flags, levels.surfels, levels.left_out);
+    ScanLevel level;
+    level.grid = merged_by_cell(levels.surfels, levels.left_out, octave.cell_m);
+    level.spacing_m = levels.grid_step_m;
+    certain.emplace_back(level.grid.surfels.size(), 0);
+    levels.all.push_back(std::move(level));
   }
 }
 

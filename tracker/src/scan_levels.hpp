@@ -13,8 +13,7 @@ namespace tubetrack {
 /// A scan's surfels at one size of cells.
 struct ScanLevel {
   SurfelGrid grid;
-  double spacing_m = 0.0;                  ///< how far apart its surfels are
-  std::vector<std::uint32_t> merged_into;  ///< of what it was made of (the next finer level or the scan), its places
+  double spacing_m = 0.0;  ///< how far apart its surfels are
 };
 
 /// From coarse to fine. Those down to about the grid step hold all of the surface; what is finer says more of small
@@ -24,7 +23,7 @@ struct ScanLevels {
   double grid_step_m = 0.0;
   std::vector<ScanLevel> all;
   std::size_t whole = 0;       ///< so many hold all of the surface
-  std::vector<char> left_out;  ///< flags of the scan's surfels that finer ones do without
+  std::vector<char> left_out;  ///< flags of the scan's surfels that finer ones do without; empty before there are any
 };
 
 /// The levels that hold all of the surface, at least one, for octaves from the largest on. `surfels` must outlive them.

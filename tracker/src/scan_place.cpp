@@ -147,11 +147,10 @@ void PlaceSurfels(const float* line, int last_span, float radius_m, const float*
     const V per_distance = hn::Div(Number(-1.0F), hn::Max(distance, Number(1e-30F)));
     const V3 inward = Scaled(per_distance, foot.from_foot);
     const V3 along = Scaled(hn::Div(one, hn::Sqrt(foot.speed2)), foot.derivative);
-    const V facing = Dot(inward, normal);
     auto belongs = hn::And(hn::Ge(distance, hn::Mul(Number(kNearestRadii), radius)),
                            hn::Le(distance, hn::Mul(Number(static_cast<float>(kFarthestRadii)), radius)));
     belongs = hn::And(belongs, hn::Le(hn::Abs(Dot(inward, along)), Number(kMostBeyond)));
-    belongs = hn::And(belongs, hn::Ge(facing, Number(kLeastFacing)));
+    belongs = hn::And(belongs, hn::Ge(Dot(inward, normal), Number(kLeastFacing)));
     belongs = hn::And(belongs, hn::Le(hn::Abs(Dot(along, normal)), Number(kMostAlong)));
     // The mean of points of a curved surface lies below it, by half of its curvature times their mean square along it.
     // Around, a tube's curvature is 1/R; along, in a bend, it is that of the circle that the surface follows there.
@@ -168,7 +167,6 @@ void PlaceSurfels(const float* line, int last_span, float radius_m, const float*
     hn::Store(inward.x, d, batch.x.data() + i);
     hn::Store(inward.y, d, batch.y.data() + i);
     hn::Store(inward.z, d, batch.z.data() + i);
-    hn::Store(facing, d, batch.facing.data() + i);
   }
 }
 

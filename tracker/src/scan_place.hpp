@@ -28,8 +28,7 @@ struct PlaceBatch {
   alignas(64) std::array<std::int32_t, kSize> surfel{}, node{};
   // What place_surfels gives.
   alignas(64) std::array<std::int32_t, kSize> span{}, belongs{};  ///< belongs: 0 where it is none of the tube's
-  alignas(64) std::array<float, kSize> s{}, lift_m{},
-      distance_m{}, x{}, y{}, z{}, facing{};  ///< as SurfacePoint has it
+  alignas(64) std::array<float, kSize> s{}, lift_m{}, distance_m{}, x{}, y{}, z{};  ///< as SurfacePoint has it
 };
 
 /// Where on the line the first `count` surfels of a batch are, to a hundredth of a span: of a distance of R that is

@@ -98,8 +98,7 @@ class PlacedPoints {
                          static_cast<std::uint32_t>(batch_.surfel[i]),
                          batch_.lift_m[i],
                          batch_.distance_m[i],
-                         {batch_.x[i], batch_.y[i], batch_.z[i]},
-                         batch_.facing[i]});
+                         {batch_.x[i], batch_.y[i], batch_.z[i]}});
       if (!(period_ > 0.0)) continue;
       const double again = t + (t < 0.5 * spans ? period_ : -period_);
       if (again < 0.0 || again > spans) continue;

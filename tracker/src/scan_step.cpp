@@ -83,12 +83,12 @@ std::optional<ScanStepQuality> take_scan_step(TubeModel& model, const SortedObse
   const RecycledColumn change = solver.solve(eq.right);
   if (!change.allFinite()) return std::nullopt;
   if (!move_by_step(model, change, options)) return std::nullopt;
-  const Eigen::Index radius_at = change.size() - 1;
+  const double misfit = std::max(1.0, eq.chi2 / eq.used);
   ScanStepQuality quality;
+  if (free_radius) quality.radius_sigma_m = std::sqrt(std::max(0.0, solver.inverse_of_last() * misfit));
   if (!want_covariance) return quality;
   quality.covariance = solver.inverse_band();
-  quality.covariance *= std::max(1.0, eq.chi2 / eq.used);
-  if (free_radius) quality.radius_sigma_m = std::sqrt(std::max(0.0, quality.covariance.at(radius_at, radius_at)));
+  quality.covariance *= misfit;
   return quality;
 }
 

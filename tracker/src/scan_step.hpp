@@ -11,7 +11,7 @@ namespace tubetrack {
 /// What Gauss-Newton says of a stretch of a scan's tube.
 struct ScanStepQuality {
   double radius_sigma_m = 0.0;
-  BandMatrix covariance;  ///< as FitQuality's
+  BandMatrix covariance;  ///< as FitQuality's; empty where it is not wanted
 };
 
 /// `fit_tube` for a scan, which has no earlier frames to keep anything for: the equations are held as the band that

@@ -258,9 +258,7 @@ TubeFrame find_scan_tubes(std::span<const ScanSurfel> surfels, const ScanTubesCo
       go_to_level_of(octave, certain, levels);
     search_octave(octave, levels, config, certain, candidates, frame.stages);
   }
-  // They have told what they are for.
-  certain = {};
-  for (ScanLevel& level : levels.all) level.merged_into = {};
+  certain = {};  // they have told what they are for
   double searched_ms = 0.0;
   watch.lap(searched_ms);  // search_octave has told
   std::vector<ScanTube> tubes = chosen(std::move(candidates), levels, config);

@@ -4,6 +4,7 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <unordered_map>
 #include <vector>
 
 #include "tubetrack/heightmap/surfel.hpp"
@@ -89,6 +90,12 @@ class AccumulationMap {
     bool stale = false;                            ///< while they are looked for: it or a block beside it changed
     std::array<std::uint32_t, 4 * 4 * 4> place{};  ///< where in `voxels_` the filled ones are
   };
+  /// A voxel but for its votes, in half the room: hardly any holds a moment of more than 32 bits.
+  struct NarrowVoxel {
+    std::int32_t steps = 0;
+    std::array<std::int32_t, 6> moments{};
+    bool operator==(const NarrowVoxel&) const = default;
+  };
   struct Peak {
     int votes = 0;
     VoxelIndex voxel;
@@ -96,7 +103,11 @@ class AccumulationMap {
   };
 
   void cast(const VoteRecord& record, int sign);
-  void vote(Block& block, int bit, const Voxel& one);
+  void cast_part(const VoteRecord& record, std::int32_t weight);
+  void vote(Block& block, int bit, std::int32_t weight, const NarrowVoxel& one);
+  void carry(std::uint32_t place, const NarrowVoxel& one);
+  void add_to(Voxel& sum, std::uint32_t place) const;
+  bool is_nothing(std::uint32_t place) const;
   std::int32_t find_or_make(const VoxelIndex& key);
   Block& take_block(const VoxelIndex& key);
   void leave_if_empty(const Block& block);
@@ -114,8 +125,9 @@ class AccumulationMap {
   std::vector<Block> blocks_;
   std::vector<std::int32_t> free_blocks_;
   std::array<std::size_t, 4 * 4 * 4> recent_{};  // blocks, by the lowest bits of their keys
-  std::vector<Voxel> voxels_;
-  std::vector<std::int32_t> votes_;  // of the voxels, close together for sums over boxes
+  std::vector<NarrowVoxel> voxels_;
+  std::vector<std::int32_t> votes_;                          // of the voxels, close together for sums over boxes
+  std::unordered_map<std::uint64_t, std::int64_t> carried_;  // by 6 · place + moment: what 32 bits leave of one
   std::vector<std::uint32_t> free_voxels_;
 
   // What `peaks` remembers.
