@@ -16,9 +16,10 @@ inline constexpr int kSurfelReach_px = 2 * kLargestHalf_px;
 
 /// Buffers of one thread on the way from heights to surfels.
 struct BandWork {
-  BitImage spread;
+  SpreadWork spread;
   WindowSums sums;
   std::array<PlaneRing, kWindowSizes> planes;
+  std::vector<Part> affected;            ///< by row of the region: columns whose surfels are found anew
   std::vector<std::uint64_t> row_found;  ///< of one row: columns with a surfel
   std::vector<std::int32_t> candidates;  ///< of one row
   std::vector<FoundSurfel> row_surfels;  ///< and it, by column
@@ -52,8 +53,8 @@ struct AffectedTiles {
       nullptr;      ///< a flag for each kAffectedRows_px rows of each column of tiles; none: all are
   int columns = 0;  ///< of tiles
 
-  /// The columns [u_begin, u_end) of a region's row that are affected, and what is between them; v_begin is v.
-  Region row_of(const Region& region, int v) const;
+  /// The columns of a region's row that are affected, and what is between them.
+  Part columns_of(const Region& region, int v) const;
 };
 
 void prepare(const HeightMap& map, int threads, SurfelWork& work);
