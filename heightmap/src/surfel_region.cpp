@@ -86,7 +86,7 @@ void start_region(const Region& region, const AffectedTiles& affected, BandWork&
   band.affected.clear();
   for (int v = region.v_begin; v < region.v_end; ++v) {
     const bool as_above = v > region.v_begin && v % kAffectedRows_px != 0;
-    band.affected.push_back(as_above ? band.affected.back() : affected.columns_of(region, v));
+    band.affected.push_back(as_above ? band.affected.back() : affected.columns_of(affected.surfels, region, v));
   }
   const Part all = widened({region.u_begin, region.u_end}, kSumsReach_px + kSumBlock_px);
   band.sums.start(all.begin, all.end - all.begin);
@@ -151,11 +151,29 @@ constexpr int kEdgesBeside_px = kWindowsBeside_px + kSurfelReach_px;
 constexpr int kComparedBeside_px = kEdgesBeside_px + 1;
 static_assert(kComparedBeside_px > kSurfelReach_px + kGapLimit_px);
 
+/// Windows are spread over rows from some above and below, so that many rows together are cheaper.
+constexpr int kWindowRows_px = 4 * kAffectedRows_px;
+
+/// Does a step in a region where there are flags, so many rows at once.
+template <typename Step>
+void in_parts(const AffectedTiles& affected, const std::uint8_t* flags, int rows, const Region& region,
+              const Step& step) {
+  for (int v = region.v_begin; v < region.v_end;) {
+    const int end = std::min(region.v_end, (v / rows + 1) * rows);
+    Part columns;
+    for (int row = v; row < end; row = (row / kAffectedRows_px + 1) * kAffectedRows_px) {
+      columns = hull(columns, affected.columns_of(flags, region, row));
+    }
+    if (columns.begin < columns.end) step(words_of({columns.begin, columns.end, v, end}));
+    v = end;
+  }
+}
+
 }  // namespace
 
-Part AffectedTiles::columns_of(const Region& region, int v) const {
-  if (!tiles) return {region.u_begin, region.u_end};
-  const std::uint8_t* row = tiles + static_cast<std::ptrdiff_t>(v / kAffectedRows_px) * columns;
+Part AffectedTiles::columns_of(const std::uint8_t* flags, const Region& region, int v) const {
+  if (!flags) return {region.u_begin, region.u_end};
+  const std::uint8_t* row = flags + static_cast<std::ptrdiff_t>(v / kAffectedRows_px) * columns;
   int first = region.u_begin / kTileWidth_px;
   int end = (region.u_end + kTileWidth_px - 1) / kTileWidth_px;
   while (first < end && !row[first]) ++first;
@@ -210,12 +228,18 @@ void find_in_regions(const SurfelRule& rule, const EdgeRule& edge_rule, std::spa
       }
     });
   };
-  each(kComparedBeside_px,
-       [&](const Region& region, BandWork&) { compare_cells(work.heights, edge_rule, words_of(region), work.fits); });
-  each(kEdgesBeside_px,
-       [&](const Region& region, BandWork&) { find_borders(work.heights, edge_rule, words_of(region), work.fits); });
-  each(kWindowsBeside_px,
-       [&](const Region& region, BandWork& band) { fit_windows(words_of(region), work.fits, band.spread); });
+  each(kComparedBeside_px, [&](const Region& region, BandWork&) {
+    in_parts(affected, affected.edges, kAffectedRows_px, region,
+             [&](const WordArea& area) { compare_cells(work.heights, edge_rule, area, work.fits); });
+  });
+  each(kEdgesBeside_px, [&](const Region& region, BandWork&) {
+    in_parts(affected, affected.edges, kAffectedRows_px, region,
+             [&](const WordArea& area) { find_borders(work.heights, edge_rule, area, work.fits); });
+  });
+  each(kWindowsBeside_px, [&](const Region& region, BandWork& band) {
+    in_parts(affected, affected.surfels, kWindowRows_px, region,
+             [&](const WordArea& area) { fit_windows(area, work.fits, band.spread); });
+  });
   each(0, [&](const Region& region, BandWork& band) { find_in_region(rule, region, affected, band, work); });
 }
 

@@ -47,14 +47,15 @@ struct Region {
 /// Rows are affected by so many at once. (Columns by tiles: what is computed from them goes by vectors.)
 inline constexpr int kAffectedRows_px = 8;
 
-/// Where within regions surfels depend on heights that have changed.
+/// Where within regions something depends on heights that have changed: a flag for each kAffectedRows_px rows of each
+/// column of tiles; none: all of it does.
 struct AffectedTiles {
-  const std::uint8_t* tiles =
-      nullptr;      ///< a flag for each kAffectedRows_px rows of each column of tiles; none: all are
-  int columns = 0;  ///< of tiles
+  const std::uint8_t* surfels = nullptr;
+  const std::uint8_t* edges = nullptr;  ///< and which blocks are beside holes
+  int columns = 0;                      ///< of tiles
 
-  /// The columns of a region's row that are affected, and what is between them.
-  Part columns_of(const Region& region, int v) const;
+  /// The columns of a region's row that have such a flag, and what is between them.
+  Part columns_of(const std::uint8_t* flags, const Region& region, int v) const;
 };
 
 void prepare(const HeightMap& map, int threads, SurfelWork& work);
