@@ -44,6 +44,7 @@ void list_surfels(const SurfelWork& work, const Part& rows, std::span<const std:
   const Grid& grid = work.heights.grid;
   out.clear();
   for (int v = rows.begin; v < rows.end; ++v) {
+    fetch_found(work, v + 4);
     const std::size_t row = static_cast<std::size_t>(v) * static_cast<std::size_t>(grid.width);
     const FoundSurfel* found = work.found.get() + row;
     for (int i = 0; i < work.found_count[static_cast<std::size_t>(v)]; ++i) {

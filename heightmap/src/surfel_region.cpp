@@ -1,5 +1,7 @@
 #include "surfel_region.hpp"
 
+#include <hwy/cache_control.h>
+
 #include <algorithm>
 #include <bit>
 #include <cstring>
@@ -118,6 +120,7 @@ void find_in_region(const SurfelRule& rule, const Region& region, const Affected
       planes_of_row(band.sums, windows.fits, windows.holes, v + half, columns.begin, columns.end, band.planes[size]);
     }
     const Part columns = affected_columns(region, band, v);
+    if (v + 2 >= region.v_begin && v + 2 < region.v_end) fetch_found(work, v + 2);
     if (columns.begin < columns.end) find_in_row(rule, columns, v, band, work);
   }
 }
@@ -179,6 +182,15 @@ Part AffectedTiles::columns_of(const std::uint8_t* flags, const Region& region, 
   while (first < end && !row[first]) ++first;
   while (first < end && !row[end - 1]) --end;
   return {first * kTileWidth_px, std::min(end * kTileWidth_px, region.u_end)};
+}
+
+void fetch_found(const SurfelWork& work, int v) {
+  const Grid& grid = work.heights.grid;
+  if (v >= grid.height) return;
+  const FoundSurfel* row = work.found.get() + static_cast<std::ptrdiff_t>(v) * grid.width;
+  const FoundSurfel* end = row + work.found_count[static_cast<std::size_t>(v)];
+  const auto* at = reinterpret_cast<const std::byte*>(row);
+  for (; at < reinterpret_cast<const std::byte*>(end); at += 64) hwy::Prefetch(at);
 }
 
 void prepare(const HeightMap& map, int threads, SurfelWork& work) {

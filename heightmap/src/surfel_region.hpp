@@ -58,6 +58,9 @@ struct AffectedTiles {
   Part columns_of(const std::uint8_t* flags, const Region& region, int v) const;
 };
 
+/// Fetches the surfels of a row, which lie far from those of others, so that the processor does not see them coming.
+void fetch_found(const SurfelWork& work, int v);
+
 void prepare(const HeightMap& map, int threads, SurfelWork& work);
 
 /// The map's heights and variances of a region, in integer units.
