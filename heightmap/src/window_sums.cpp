@@ -43,17 +43,19 @@ struct Running {
         back8(Back(8)),
         last(hn::IndicesFromVec(D(), hn::Set(D(), static_cast<std::uint32_t>(hn::Lanes(D()) - 1)))) {}
 
+  /// The last lane of the block of four that is `by` lanes back.
   static HWY_INLINE Places Back(std::uint32_t by) {
     const D d;
     const auto lanes = static_cast<std::uint32_t>(hn::Lanes(d));
-    return hn::IndicesFromVec(d, hn::And(hn::Sub(hn::Iota(d, lanes), hn::Set(d, by)), hn::Set(d, lanes - 1)));
+    const V last_of_block = hn::Or(hn::Sub(hn::Iota(d, lanes), hn::Set(d, by)), hn::Set(d, 3));
+    return hn::IndicesFromVec(d, hn::And(last_of_block, hn::Set(d, lanes - 1)));
   }
 
   HWY_INLINE V operator()(V v, V& carry) const {
     v = hn::Add(v, hn::ShiftLeftLanes<1>(v));
     v = hn::Add(v, hn::ShiftLeftLanes<2>(v));
-    if (hn::Lanes(D()) > 4) v = hn::Add(v, hn::And(hn::TableLookupLanes(hn::Broadcast<3>(v), back4), beyond4));
-    if (hn::Lanes(D()) > 8) v = hn::Add(v, hn::And(hn::TableLookupLanes(hn::Broadcast<3>(v), back8), beyond8));
+    if (hn::Lanes(D()) > 4) v = hn::Add(v, hn::And(hn::TableLookupLanes(v, back4), beyond4));
+    if (hn::Lanes(D()) > 8) v = hn::Add(v, hn::And(hn::TableLookupLanes(v, back8), beyond8));
     const V sums = hn::Add(v, carry);
     carry = hn::Add(carry, hn::TableLookupLanes(v, last));
     return sums;
