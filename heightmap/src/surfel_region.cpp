@@ -119,8 +119,9 @@ void find_in_region(const SurfelRule& rule, const Region& region, const Affected
       const Windows& windows = work.fits.windows[size];
       planes_of_row(band.sums, windows.fits, windows.holes, v + half, columns.begin, columns.end, band.planes[size]);
     }
-    const Part columns = affected_columns(region, band, v);
+    // Rows below are another thread's.
     if (v + 2 >= region.v_begin && v + 2 < region.v_end) fetch_found(work, v + 2);
+    const Part columns = affected_columns(region, band, v);
     if (columns.begin < columns.end) find_in_row(rule, columns, v, band, work);
   }
 }

@@ -113,7 +113,8 @@ HWY_INLINE Facet FacetAt(const SurfelRule& rule, const Neighbourhood& n, const P
   const V norm = hn::Sqrt(hn::Add(hn::Mul(a, a), hn::Add(hn::Mul(b, b), hn::Mul(c, c))));
   const V one = Set(1.0F);
   const V z = hn::Div(one, w);
-  return {slope_u, slope_v, {hn::Mul(r.x, z), hn::Mul(r.y, z), z}, Scale({a, b, c}, hn::Div(one, norm)), norm, r.px_per_ray};
+  return {slope_u, slope_v,     {hn::Mul(r.x, z), hn::Mul(r.y, z), z}, Scale({a, b, c}, hn::Div(one, norm)),
+          norm,    r.px_per_ray};
 }
 
 /// Greater curvature (1/m, convex towards the camera positive) and its σ, from how the normal turns between the planes
@@ -125,6 +126,7 @@ struct Curvature {
   V flat_sigma_per_m;
 };
 
+/// |slope|² per pixel.
 HWY_INLINE V Steepness2(const Facet& facet) {
   return hn::Add(hn::Mul(facet.slope_u, facet.slope_u), hn::Mul(facet.slope_v, facet.slope_v));
 }
@@ -153,7 +155,7 @@ HWY_INLINE Curvature CurvatureOf(const SurfelRule& rule, const Neighbourhood& n,
   const Facets facets{middle, FacetAt(rule, n, n.row, Beside(places, -h), 0),
                       FacetAt(rule, n, n.row, Beside(places, h), 0), FacetAt(rule, n, n.above, places, -h),
                       FacetAt(rule, n, n.below, places, h)};
-  const auto& [_, before, after, above, below] = facets;
+  const auto& [self, before, after, above, below] = facets;
   const Between across = Spread(before.slope_u, after.slope_u, h);
   const Between down = Spread(above.slope_u, below.slope_u, h);
   const auto step = [&](const Between& known, const V3& first, const V3& mid, const V3& second)

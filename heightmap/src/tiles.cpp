@@ -103,9 +103,9 @@ void TileLedger::mark_affected(const HeightMap& map, const Heights& heights, int
   const int below = longest_gap(heights, tile.u_begin, tile.v_end, 0, 1, columns);
   // Gaps are looked across along rows and columns only.
   const auto mark_around = [&](int rows_px, std::vector<std::uint8_t>& flags) {
-    mark({tile.u_begin - kReach_px - left, tile.u_end + kReach_px + right, tile.v_begin - rows_px,
-          tile.v_end + rows_px},
-         flags);
+    mark(
+        {tile.u_begin - kReach_px - left, tile.u_end + kReach_px + right, tile.v_begin - rows_px, tile.v_end + rows_px},
+        flags);
     if (above == 0 && below == 0) return;
     mark({tile.u_begin - kReach_px, tile.u_end + kReach_px, tile.v_begin - rows_px - above,
           tile.v_end + rows_px + below},

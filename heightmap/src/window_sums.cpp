@@ -134,9 +134,10 @@ void WindowSums::start(int u_begin, int columns) {
 void WindowSums::add_row(const Heights& heights, int v, int u_begin, int u_end, const std::uint8_t* near_holes) {
   const std::size_t from = heights.grid.at(u_begin, v);
   const auto to = static_cast<std::size_t>(index(u_begin));
+  const std::ptrdiff_t next = v + 1 < heights.grid.height ? heights.grid.stride() : 0;
   HWY_DYNAMIC_DISPATCH(AddRow)
-  (heights.height.data() + from, heights.variance.data() + from, heights.grid.stride(), u_begin, v, u_end - u_begin,
-   near_holes, ring_.data() + offset(v) + to, ring_.data() + offset(v + 1) + to, stride_);
+  (heights.height.data() + from, heights.variance.data() + from, next, u_begin, v, u_end - u_begin, near_holes,
+   ring_.data() + offset(v) + to, ring_.data() + offset(v + 1) + to, stride_);
 }
 
 }  // namespace tubetrack
