@@ -46,27 +46,52 @@ HWY_INLINE M BendsDown(const Neighbourhood& n, int i, const Between& across, con
   return hn::Or(hn::Le(a, hn::Zero(D())), hn::Le(hn::Mul(a, b), hn::Mul(mixed, mixed)));
 }
 
-int ListCandidates(const SurfelRule& rule, const Neighbourhood& n, int begin, int end, const std::uint64_t* found,
+/// The same of a vector whose planes are known on all sides.
+HWY_INLINE M BendsDownWithin(const Neighbourhood& n, int i, V left_u, V right_u, V above_u, V below_u, float aspect,
+                             float sigmas, float least) {
+  const D d;
+  const int h = n.half;
+  const float per_px = 0.5F / static_cast<float>(h);
+  const float* v = n.row.slope_v + i;
+  const V uu = hn::Sub(right_u, left_u);
+  const V vv =
+      hn::Mul(hn::Sub(hn::LoadU(d, n.below.slope_v + i), hn::LoadU(d, n.above.slope_v + i)), Set(aspect * aspect));
+  const V mixed = hn::Mul(hn::Add(hn::Sub(below_u, above_u), hn::Sub(hn::LoadU(d, v + h), hn::LoadU(d, v - h))),
+                          Set(0.5F * aspect));
+  const V limit = hn::Max(hn::Mul(hn::LoadU(d, n.row.slope_sigma + i), Set(sigmas * kRoot2)), Set(least / per_px));
+  const V a = hn::Add(uu, limit);
+  const V b = hn::Add(vv, limit);
+  return hn::Or(hn::Le(a, hn::Zero(d)), hn::Le(hn::Mul(a, b), hn::Mul(mixed, mixed)));
+}
+
+int ListCandidates(const SurfelRule& rule, const Neighbourhood n, int begin, int end, const std::uint64_t* found,
                    std::int32_t* candidates) {
   const D d;
   const int step = static_cast<int>(hn::Lanes(d));
-  const std::uint64_t lane_bits = (std::uint64_t{1} << step) - 1;
   const float aspect = rule.fy_px / rule.fx_px;
   const float screen_sigmas = rule.screen_sigmas * std::max(1.0F, aspect);
   int count = 0;
   for (int i = begin; i < end; i += step) {
+    const V limit = Set(0.5F * kNoPlane);
     const V here = hn::LoadU(d, n.row.slope_u + i);
-    M open = hn::Lt(here, Set(0.5F * kNoPlane));
-    if (hn::AllFalse(d, open)) continue;
+    M bends = hn::Lt(here, limit);
+    if (hn::AllFalse(d, bends)) continue;
+    const V left = hn::LoadU(d, n.row.slope_u + i - n.half);
+    const V right = hn::LoadU(d, n.row.slope_u + i + n.half);
+    const V above = hn::LoadU(d, n.above.slope_u + i);
+    const V below = hn::LoadU(d, n.below.slope_u + i);
+    if (hn::AllTrue(d, hn::Lt(hn::Max(hn::Max(here, left), hn::Max(right, hn::Max(above, below))), limit))) {
+      bends = BendsDownWithin(n, i, left, right, above, below, aspect, screen_sigmas, rule.screen_bend_per_m);
+    } else {
+      const Between across = Spread(left, right, n.half);
+      const Between down = Spread(above, below, n.half);
+      bends = hn::And(bends, hn::And(across.known, down.known));
+      if (hn::AllFalse(d, bends)) continue;
+      bends = hn::And(bends, BendsDown(n, i, across, down, aspect, screen_sigmas, rule.screen_bend_per_m));
+    }
     const int padded = n.u_begin + i + kMargin_px;
-    open = hn::And(open, MaskOf(~found[padded / 64] >> (padded % 64) & lane_bits));
-    const Between across =
-        Spread(hn::LoadU(d, n.row.slope_u + i - n.half), hn::LoadU(d, n.row.slope_u + i + n.half), n.half);
-    const Between down = Spread(hn::LoadU(d, n.above.slope_u + i), hn::LoadU(d, n.below.slope_u + i), n.half);
-    open = hn::And(open, hn::And(across.known, down.known));
-    if (hn::AllFalse(d, open)) continue;
-    open = hn::And(open, BendsDown(n, i, across, down, aspect, screen_sigmas, rule.screen_bend_per_m));
-    for (std::uint64_t bits = Bits(open); bits != 0; bits &= bits - 1) candidates[count++] = i + std::countr_zero(bits);
+    std::uint64_t bits = Bits(bends) & ~(found[padded / 64] >> (padded % 64));
+    for (; bits != 0; bits &= bits - 1) candidates[count++] = i + std::countr_zero(bits);
   }
   return count;
 }

@@ -4,22 +4,23 @@
 
 namespace tubetrack {
 
-void spread_in_rows(const BitImage& from, int by, const WordArea& area, BitImage& to) {
-  const int words = from.grid.words();
-  for (int v = area.v_begin; v < area.v_end; ++v) {
-    const std::uint64_t* in = from.row(v);
-    std::uint64_t* out = to.row(v);
-    for (int i = area.word_begin; i < area.word_end; ++i) {
-      const std::uint64_t here = in[i];
-      const std::uint64_t before = i > 0 ? in[i - 1] : 0;
-      const std::uint64_t after = i + 1 < words ? in[i + 1] : 0;
-      std::uint64_t bits = here;
-      if ((here | before | after) != 0) {
-        for (int k = 1; k <= by; ++k) bits |= here << k | before >> (64 - k) | here >> k | after << (64 - k);
-      }
-      out[i] = bits;
-    }
+std::uint64_t spread_in_row(const std::uint64_t* word, int by) {
+  const std::uint64_t before = word[-1];
+  const std::uint64_t here = word[0];
+  const std::uint64_t after = word[1];
+  if ((before | here | after) == 0) return 0;
+  // With what comes in from either side, twice as far with each step.
+  std::uint64_t up = here, up_before = before;
+  std::uint64_t down = here, down_after = after;
+  for (int done = 0; done < by;) {
+    const int step = std::min(done + 1, by - done);
+    up |= up << step | up_before >> (64 - step);
+    up_before |= up_before << step;
+    down |= down >> step | down_after << (64 - step);
+    down_after |= down_after >> step;
+    done += step;
   }
+  return up | down;
 }
 
 void spread_over_rows(const BitImage& from, int by, const WordArea& area, BitImage& to) {
@@ -32,6 +33,15 @@ void spread_over_rows(const BitImage& from, int by, const WordArea& area, BitIma
       const std::uint64_t* in = from.row(k);
       for (int i = area.word_begin; i < area.word_end; ++i) out[i] |= in[i];
     }
+  }
+}
+
+void spread_on_over_rows(const BitImage& from, int by, const WordArea& area, BitImage& to) {
+  for (int v = area.v_begin; v < area.v_end; ++v) {
+    const std::uint64_t* above = from.row(std::max(0, v - by));
+    const std::uint64_t* below = from.row(std::min(from.grid.height - 1, v + by));
+    std::uint64_t* out = to.row(v);
+    for (int i = area.word_begin; i < area.word_end; ++i) out[i] = above[i] | below[i];
   }
 }
 

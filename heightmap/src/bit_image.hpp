@@ -30,11 +30,14 @@ struct WordArea {
   int word_end = 0;
 };
 
-/// `to` gets the bits of `from` and those up to `by` ≤ 15 columns beside them.
-void spread_in_rows(const BitImage& from, int by, const WordArea& area, BitImage& to);
+/// A word of a row with the bits up to `by` ≤ 15 columns beside them; some come from the words beside it.
+std::uint64_t spread_in_row(const std::uint64_t* word, int by);
 
 /// `to` gets the bits of `from` in rows up to `by` above and below.
 void spread_over_rows(const BitImage& from, int by, const WordArea& area, BitImage& to);
+
+/// The same where those of `from` are spread over rows already, by at least `by`.
+void spread_on_over_rows(const BitImage& from, int by, const WordArea& area, BitImage& to);
 
 /// Clears the bits of columns outside [u_begin, u_end).
 void keep_columns(int u_begin, int u_end, const WordArea& area, BitImage& image);

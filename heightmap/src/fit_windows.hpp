@@ -18,6 +18,14 @@ struct Windows {
   BitImage holes;  ///< a cell of it has no height
 };
 
+/// Buffers of `fit_windows`.
+struct SpreadWork {
+  std::array<BitImage, 2> spread;
+  std::vector<std::uint8_t> holes_around;  ///< by block
+
+  void resize(const Grid& grid);
+};
+
 struct WindowFits {
   Edges edges;
   BitImage missing;  ///< cells of the image without height
@@ -36,9 +44,9 @@ struct WindowFits {
 
 /// The three steps to where windows fit in an area, each from what the one before left in it and around: first what two
 /// neighbours say, then edges and blocks beside holes, then windows. Areas that are worked on together go through each
-/// step together. `spread` is scratch of the map's size.
+/// step together.
 void compare_cells(const Heights& heights, const EdgeRule& rule, const WordArea& area, WindowFits& out);
 void find_borders(const Heights& heights, const EdgeRule& rule, const WordArea& area, WindowFits& out);
-void fit_windows(const WordArea& area, WindowFits& out, BitImage& spread);
+void fit_windows(const WordArea& area, WindowFits& out, SpreadWork& work);
 
 }  // namespace tubetrack

@@ -44,6 +44,7 @@ void list_surfels(const SurfelWork& work, const Part& rows, std::span<const std:
   const Grid& grid = work.heights.grid;
   out.clear();
   for (int v = rows.begin; v < rows.end; ++v) {
+    fetch_found(work, v + 4);
     const std::size_t row = static_cast<std::size_t>(v) * static_cast<std::size_t>(grid.width);
     const FoundSurfel* found = work.found.get() + row;
     for (int i = 0; i < work.found_count[static_cast<std::size_t>(v)]; ++i) {
@@ -82,9 +83,13 @@ std::span<const Surfel> SurfelFinder::find(const HeightMap& map, const NoiseMode
   const std::span<const Region> regions = s.tiles.take_due(map, s.work.heights, workers);
   find_in_regions(rule, edge_rule, regions, s.tiles.affected(), rows, s.work, workers);
   list_surfels(s.work, rows, skip, s.surfels);
-  if (options.widest_strip_px <= 0.0) return s.surfels;
+  if (options.widest_strip_px <= 0.0) {
+    s.strips.widest_px = 0.0;  // its runs are not kept up to date
+    return s.surfels;
+  }
   // Where there are both, what the surface itself says counts.
-  const auto strips = strip_surfels(map, s.work.heights, s.work.fits.edges, rows, rule.noise, options, skip, s.strips);
+  const auto strips = strip_surfels(map, s.work.heights, s.work.fits.edges, rows, rule.noise, options, skip,
+                                    !regions.empty(), s.strips);
   if (strips.empty()) return s.surfels;
   s.with_strips.clear();
   std::ranges::set_union(s.surfels, strips, std::back_inserter(s.with_strips), {}, &Surfel::cell, &Surfel::cell);

@@ -85,14 +85,19 @@ void runs_of_rows(const Lines& lines, const Edges& edges, const Part& rows, cons
 void runs_of_columns(const Lines& lines, const Edges& edges, const Part& rows, const SurfelOptions& options,
                      std::vector<int>& open, std::vector<StripRun>& out) {
   const int height = lines.length();
+  const int words = edges.valid.grid.words();
   open.assign(static_cast<std::size_t>(lines.count()), 0);
   for (int v = rows.begin; v < rows.end; ++v) {
     const std::uint64_t* valid = edges.valid.row(v);
-    for (int i = 1; i + 1 < edges.valid.grid.words(); ++i) {
-      const std::uint64_t below = v + 1 < height ? edges.valid.row(v + 1)[i] : 0;
-      const std::uint64_t above = v > 0 ? edges.valid.row(v - 1)[i] & ~edges.down.row(v - 1)[i] : 0;
+    const std::uint64_t* down = edges.down.row(v);
+    const std::uint64_t* valid_above = v > 0 ? edges.valid.row(v - 1) : nullptr;
+    const std::uint64_t* down_above = v > 0 ? edges.down.row(v - 1) : nullptr;
+    const std::uint64_t* valid_below = v + 1 < height ? edges.valid.row(v + 1) : nullptr;
+    for (int i = 1; i + 1 < words; ++i) {
+      const std::uint64_t below = valid_below ? valid_below[i] : 0;
+      const std::uint64_t above = valid_above ? valid_above[i] & ~down_above[i] : 0;
       const std::uint64_t begins = valid[i] & ~above;
-      const std::uint64_t ends = valid[i] & ~(~edges.down.row(v)[i] & below);
+      const std::uint64_t ends = valid[i] & ~(~down[i] & below);
       for (std::uint64_t bits = begins | ends; bits != 0; bits &= bits - 1) {
         const std::uint64_t bit = bits & (~bits + 1);
         const int u = 64 * i + std::countr_zero(bits) - kMargin_px;
@@ -111,12 +116,12 @@ float middle_of(const StripRun& run) {
 }
 
 /// The run that goes on from this one some lines away, if one does, as wide and as far.
-const StripRun* run_aside(const StripWork& work, const StripRun& run, int line) {
+const StripRun* run_aside(const StripWork& work, std::span<const StripRun> runs, const StripRun& run, int line) {
   if (line < 0 || line + 1 >= static_cast<int>(work.first_of_line.size())) return nullptr;
   const auto cells = static_cast<float>(run.end - run.begin);
   const std::size_t end = work.first_of_line[static_cast<std::size_t>(line) + 1];
   for (std::size_t i = work.first_of_line[static_cast<std::size_t>(line)]; i < end; ++i) {
-    const StripRun& other = work.runs[i];
+    const StripRun& other = runs[i];
     const float off = std::abs(middle_of(other) - middle_of(run));
     const float wider = static_cast<float>(other.end - other.begin) - cells;
     if (off < kSteepest * kAside && std::abs(wider) < 2.0F + 0.2F * cells &&
@@ -184,15 +189,16 @@ void add_surfels(const Lines& lines, const StripRun& run, const StripPiece& piec
   }
 }
 
-void add_strips(const Lines& lines, const Part& rows, const AxialNoise& noise, const SurfelOptions& options,
-                std::span<const std::uint8_t> skip, StripWork& work, std::vector<Surfel>& out) {
+void add_strips(const Lines& lines, std::span<const StripRun> runs, const Part& rows, const AxialNoise& noise,
+                const SurfelOptions& options, std::span<const std::uint8_t> skip, StripWork& work,
+                std::vector<Surfel>& out) {
   work.first_of_line.assign(static_cast<std::size_t>(lines.count()) + 1, 0);
-  for (const StripRun& run : work.runs) ++work.first_of_line[static_cast<std::size_t>(run.line) + 1];
+  for (const StripRun& run : runs) ++work.first_of_line[static_cast<std::size_t>(run.line) + 1];
   for (std::size_t i = 1; i < work.first_of_line.size(); ++i) work.first_of_line[i] += work.first_of_line[i - 1];
-  for (const StripRun& run : work.runs) {
+  for (const StripRun& run : runs) {
     if (!skip.empty() && skip[lines.cell(run.line, (run.begin + run.end) / 2)] != 0) continue;
-    const StripRun* before = run_aside(work, run, run.line - kAside);
-    const StripRun* after = before ? run_aside(work, run, run.line + kAside) : nullptr;
+    const StripRun* before = run_aside(work, runs, run, run.line - kAside);
+    const StripRun* after = before ? run_aside(work, runs, run, run.line + kAside) : nullptr;
     if (!after) continue;
     const auto piece = piece_of(lines, run, *before, *after);
     if (!piece) continue;
@@ -208,24 +214,30 @@ void add_strips(const Lines& lines, const Part& rows, const AxialNoise& noise, c
 
 std::span<const Surfel> strip_surfels(const HeightMap& map, const Heights& heights, const Edges& edges,
                                       const Part& rows, const AxialNoise& noise, const SurfelOptions& options,
-                                      std::span<const std::uint8_t> skip, StripWork& work) {
+                                      std::span<const std::uint8_t> skip, bool changed, StripWork& work) {
   // Strips may be rare: their first frame should ask for no memory either.
   const std::size_t room = map.rays.size() / 16;
-  work.runs.reserve(room);
+  for (std::vector<StripRun>* runs : {&work.row_runs, &work.column_runs}) runs->reserve(room);
   for (std::vector<Surfel>* surfels : {&work.of_rows, &work.of_columns, &work.surfels}) surfels->reserve(room);
-  const auto with_beside = [&](int px) {
-    return Part{std::max(0, rows.begin - px), std::min(map.intrinsics.height, rows.end + px)};
-  };
   const Lines along_rows{map, heights, false};
-  work.runs.clear();
-  work.of_rows.clear();
-  runs_of_rows(along_rows, edges, with_beside(kAside), options, work.runs);
-  add_strips(along_rows, rows, noise, options, skip, work, work.of_rows);
   const Lines along_columns{map, heights, true};
-  work.runs.clear();
+  if (changed || work.rows != rows || work.narrowest_px != options.narrowest_strip_px ||
+      work.widest_px != options.widest_strip_px) {
+    const auto with_beside = [&](int px) {
+      return Part{std::max(0, rows.begin - px), std::min(map.intrinsics.height, rows.end + px)};
+    };
+    work.rows = rows;
+    work.narrowest_px = options.narrowest_strip_px;
+    work.widest_px = options.widest_strip_px;
+    work.row_runs.clear();
+    work.column_runs.clear();
+    runs_of_rows(along_rows, edges, with_beside(kAside), options, work.row_runs);
+    runs_of_columns(along_columns, edges, with_beside(kEdgesForStrips_px), options, work.open, work.column_runs);
+  }
+  work.of_rows.clear();
   work.of_columns.clear();
-  runs_of_columns(along_columns, edges, with_beside(kEdgesForStrips_px), options, work.open, work.runs);
-  add_strips(along_columns, rows, noise, options, skip, work, work.of_columns);
+  add_strips(along_rows, work.row_runs, rows, noise, options, skip, work, work.of_rows);
+  add_strips(along_columns, work.column_runs, rows, noise, options, skip, work, work.of_columns);
   std::ranges::sort(work.of_columns, {}, &Surfel::cell);  // of the rows they are in cell order
   // Of two in one cell the rows' stays.
   work.surfels.clear();

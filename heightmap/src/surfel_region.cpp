@@ -1,5 +1,7 @@
 #include "surfel_region.hpp"
 
+#include <hwy/cache_control.h>
+
 #include <algorithm>
 #include <bit>
 #include <cstring>
@@ -19,84 +21,108 @@ WordArea words_of(const Region& region) {
   return {region.v_begin, region.v_end, (region.u_begin + kMargin_px) / 64, (region.u_end + kMargin_px + 63) / 64};
 }
 
-/// Puts the new surfels of a row in the place of those that the region had.
-void replace_found(const Region& region, int v, const BandWork& band, SurfelWork& work) {
+/// Puts the new surfels of a row in the place of those that its columns had.
+void replace_found(const Part& columns, int v, const BandWork& band, SurfelWork& work) {
   FoundSurfel* row = work.found.get() + static_cast<std::ptrdiff_t>(v) * work.heights.grid.width;
   int& count = work.found_count[static_cast<std::size_t>(v)];
   const auto column_less = [](const FoundSurfel& surfel, int u) { return surfel.u < u; };
-  FoundSurfel* first = std::lower_bound(row, row + count, region.u_begin, column_less);
-  FoundSurfel* last = std::lower_bound(first, row + count, region.u_end, column_less);
-  const int word_begin = words_of(region).word_begin;
-  const int word_end = words_of(region).word_end;
+  FoundSurfel* first = std::lower_bound(row, row + count, columns.begin, column_less);
+  FoundSurfel* last = std::lower_bound(first, row + count, columns.end, column_less);
   int fresh = 0;
-  for (int i = word_begin; i < word_end; ++i) fresh += std::popcount(band.row_found[static_cast<std::size_t>(i)]);
+  for (const std::uint64_t bits : band.row_found) fresh += std::popcount(bits);
   std::memmove(first + fresh, last, static_cast<std::size_t>(row + count - last) * sizeof(FoundSurfel));
   count += fresh - static_cast<int>(last - first);
-  for (int i = word_begin; i < word_end; ++i) {
-    for (std::uint64_t bits = band.row_found[static_cast<std::size_t>(i)]; bits != 0; bits &= bits - 1) {
-      *first++ = band.row_surfels[static_cast<std::size_t>(64 * i + std::countr_zero(bits) - kMargin_px)];
+  for (std::size_t i = 0; i < band.row_found.size(); ++i) {
+    for (std::uint64_t bits = band.row_found[i]; bits != 0; bits &= bits - 1) {
+      *first++ = band.row_surfels[64 * i + static_cast<std::size_t>(std::countr_zero(bits)) - kMargin_px];
     }
   }
+}
+
+Part hull(const Part& a, const Part& b) {
+  if (a.begin >= a.end) return b;
+  return b.begin >= b.end ? a : Part{std::min(a.begin, b.begin), std::max(a.end, b.end)};
+}
+
+Part widened(const Part& part, int by_px) {
+  return part.begin >= part.end ? part : Part{part.begin - by_px, (part.end + 15) / 16 * 16 + by_px};
+}
+
+/// Of a region's row: the columns whose surfels are found anew; none in rows beyond.
+Part affected_columns(const Region& region, const BandWork& band, int v) {
+  if (v < region.v_begin || v >= region.v_end) return {};
+  return band.affected[static_cast<std::size_t>(v - region.v_begin)];
 }
 
 /// The columns in which planes of row `v` are needed: by the surfels of that row, half a window aside, and by those
 /// half a window above and below. Whole vectors.
-Region plane_columns(const Region& region, const AffectedTiles& affected, int v, int half) {
-  Region all{region.u_end, region.u_begin, v, v + 1};
-  const auto take_in = [&](int row, int aside_px) {
-    if (row < region.v_begin || row >= region.v_end) return;
-    const Region columns = affected.row_of(region, row);
-    if (columns.u_begin >= columns.u_end) return;
-    all.u_begin = std::min(all.u_begin, columns.u_begin - aside_px);
-    all.u_end = std::max(all.u_end, (columns.u_end + 15) / 16 * 16 + aside_px);
-  };
-  take_in(v - half, 0);
-  take_in(v, kPlanesReach_px);
-  take_in(v + half, 0);
-  return all;
+Part plane_columns(const Region& region, const BandWork& band, int v, int half) {
+  const Part beyond = hull(affected_columns(region, band, v - half), affected_columns(region, band, v + half));
+  return hull(widened(affected_columns(region, band, v), kPlanesReach_px), widened(beyond, 0));
+}
+
+/// The columns that take part in windows in one of kAffectedRows_px rows from `v` on: whole blocks.
+Part sum_columns(const Region& region, const BandWork& band, int v) {
+  Part all;
+  for (int row = v - kSurfelReach_px; row < v + kAffectedRows_px + kSurfelReach_px; ++row) {
+    all = hull(all, affected_columns(region, band, row));
+  }
+  if (all.begin >= all.end) return all;
+  all = widened(all, kSumsReach_px);
+  const auto block = [](int u) { return (u + kMargin_px) / kSumBlock_px * kSumBlock_px - kMargin_px; };
+  return {block(all.begin), block(all.end + kSumBlock_px - 1)};
 }
 
 /// The surfels of one row, from planes that are there.
-void find_in_row(const SurfelRule& rule, const Region& columns, BandWork& band, SurfelWork& work) {
+void find_in_row(const SurfelRule& rule, const Part& columns, int v, BandWork& band, SurfelWork& work) {
   std::fill(band.row_found.begin(), band.row_found.end(), std::uint64_t{0});
-  const int u_end = (columns.u_end + 15) / 16 * 16;
+  const int u_end = (columns.end + 15) / 16 * 16;
   for (std::size_t size = kWindowSizes; size-- > 0;) {
-    surfels_of_row(rule, band.planes[size], work.rays, work.heights.grid, columns.v_begin, columns.u_begin, u_end,
+    surfels_of_row(rule, band.planes[size], work.rays, work.heights.grid, v, columns.begin, u_end,
                    band.candidates.data(), band.row_found.data(), band.row_surfels.data());
   }
-  replace_found(columns, columns.v_begin, band, work);
+  replace_found(columns, v, band, work);
+}
+
+void start_region(const Region& region, const AffectedTiles& affected, BandWork& band) {
+  band.affected.clear();
+  for (int v = region.v_begin; v < region.v_end; ++v) {
+    const bool as_above = v > region.v_begin && v % kAffectedRows_px != 0;
+    band.affected.push_back(as_above ? band.affected.back() : affected.columns_of(affected.surfels, region, v));
+  }
+  const Part all = widened({region.u_begin, region.u_end}, kSumsReach_px + kSumBlock_px);
+  band.sums.start(all.begin, all.end - all.begin);
+  for (std::size_t size = 0; size < kWindowSizes; ++size) {
+    const Part planes = widened({region.u_begin, region.u_end}, kPlanesReach_px);
+    band.planes[size].start(kWindowHalfSizes_px[size], planes.begin, planes.end - planes.begin);
+  }
 }
 
 void find_in_region(const SurfelRule& rule, const Region& region, const AffectedTiles& affected, BandWork& band,
                     SurfelWork& work) {
-  const Grid& grid = work.heights.grid;
-  const int u_end = (region.u_end + 15) / 16 * 16;
-  // Sums are made in whole blocks.
-  const int sums_begin = (region.u_begin + kMargin_px - kSumsReach_px) / kSumBlock_px * kSumBlock_px - kMargin_px;
-  const int sums_end =
-      (u_end + kMargin_px + kSumsReach_px + kSumBlock_px - 1) / kSumBlock_px * kSumBlock_px - kMargin_px;
-  band.sums.start(sums_begin, sums_end - sums_begin);
-  for (std::size_t size = 0; size < kWindowSizes; ++size) {
-    band.planes[size].start(kWindowHalfSizes_px[size], region.u_begin - kPlanesReach_px,
-                            u_end - region.u_begin + 2 * kPlanesReach_px);
-  }
-  int summed = std::max(0, region.v_begin - kSurfelReach_px);
+  start_region(region, affected, band);
+  const int height = work.heights.grid.height;
+  const int first_summed = std::max(0, region.v_begin - kSurfelReach_px);
+  int summed = first_summed;
+  Part sums;
   for (int v = region.v_begin - kSurfelReach_px; v < region.v_end; ++v) {
-    for (; summed < std::min(grid.height, v + kSurfelReach_px + 1); ++summed) {
-      band.sums.add_row(work.heights, summed, work.fits.near_holes_from(sums_begin, summed));
+    for (; summed < std::min(height, v + kSurfelReach_px + 1); ++summed) {
+      if ((summed - first_summed) % kAffectedRows_px == 0) sums = sum_columns(region, band, summed);
+      if (sums.begin >= sums.end) continue;
+      band.sums.add_row(work.heights, summed, sums.begin, sums.end, work.fits.near_holes_from(sums.begin, summed));
     }
     for (std::size_t size = kWindowSizes; size-- > 0;) {
       const int half = kWindowHalfSizes_px[size];
       if (v + 2 * half < region.v_begin) continue;
-      const Region columns = plane_columns(region, affected, v + half, half);
-      if (columns.u_begin >= columns.u_end) continue;
+      const Part columns = plane_columns(region, band, v + half, half);
+      if (columns.begin >= columns.end) continue;
       const Windows& windows = work.fits.windows[size];
-      planes_of_row(band.sums, windows.fits, windows.holes, v + half, columns.u_begin, columns.u_end,
-                    band.planes[size]);
+      planes_of_row(band.sums, windows.fits, windows.holes, v + half, columns.begin, columns.end, band.planes[size]);
     }
-    if (v < region.v_begin) continue;
-    const Region columns = affected.row_of(region, v);
-    if (columns.u_begin < columns.u_end) find_in_row(rule, columns, band, work);
+    // Rows below are another thread's.
+    if (v + 2 >= region.v_begin && v + 2 < region.v_end) fetch_found(work, v + 2);
+    const Part columns = affected_columns(region, band, v);
+    if (columns.begin < columns.end) find_in_row(rule, columns, v, band, work);
   }
 }
 
@@ -129,16 +155,43 @@ constexpr int kEdgesBeside_px = kWindowsBeside_px + kSurfelReach_px;
 constexpr int kComparedBeside_px = kEdgesBeside_px + 1;
 static_assert(kComparedBeside_px > kSurfelReach_px + kGapLimit_px);
 
+/// Windows are spread over rows from some above and below, so that many rows together are cheaper.
+constexpr int kWindowRows_px = 4 * kAffectedRows_px;
+
+/// Does a step in a region where there are flags, so many rows at once.
+template <typename Step>
+void in_parts(const AffectedTiles& affected, const std::uint8_t* flags, int rows, const Region& region,
+              const Step& step) {
+  for (int v = region.v_begin; v < region.v_end;) {
+    const int end = std::min(region.v_end, (v / rows + 1) * rows);
+    Part columns;
+    for (int row = v; row < end; row = (row / kAffectedRows_px + 1) * kAffectedRows_px) {
+      columns = hull(columns, affected.columns_of(flags, region, row));
+    }
+    if (columns.begin < columns.end) step(words_of({columns.begin, columns.end, v, end}));
+    v = end;
+  }
+}
+
 }  // namespace
 
-Region AffectedTiles::row_of(const Region& region, int v) const {
-  if (!tiles) return {region.u_begin, region.u_end, v, v + 1};
-  const std::uint8_t* row = tiles + static_cast<std::ptrdiff_t>(v / kAffectedRows_px) * columns;
+Part AffectedTiles::columns_of(const std::uint8_t* flags, const Region& region, int v) const {
+  if (!flags) return {region.u_begin, region.u_end};
+  const std::uint8_t* row = flags + static_cast<std::ptrdiff_t>(v / kAffectedRows_px) * columns;
   int first = region.u_begin / kTileWidth_px;
   int end = (region.u_end + kTileWidth_px - 1) / kTileWidth_px;
   while (first < end && !row[first]) ++first;
   while (first < end && !row[end - 1]) --end;
-  return {first * kTileWidth_px, std::min(end * kTileWidth_px, region.u_end), v, v + 1};
+  return {first * kTileWidth_px, std::min(end * kTileWidth_px, region.u_end)};
+}
+
+void fetch_found(const SurfelWork& work, int v) {
+  const Grid& grid = work.heights.grid;
+  if (v >= grid.height) return;
+  const FoundSurfel* row = work.found.get() + static_cast<std::ptrdiff_t>(v) * grid.width;
+  const FoundSurfel* end = row + work.found_count[static_cast<std::size_t>(v)];
+  const auto* at = reinterpret_cast<const std::byte*>(row);
+  for (; at < reinterpret_cast<const std::byte*>(end); at += 64) hwy::Prefetch(at);
 }
 
 void prepare(const HeightMap& map, int threads, SurfelWork& work) {
@@ -165,6 +218,7 @@ void prepare(const HeightMap& map, int threads, SurfelWork& work) {
   work.bands.resize(static_cast<std::size_t>(threads));
   for (BandWork& band : work.bands) {
     band.spread.resize(grid);
+    band.affected.reserve(static_cast<std::size_t>(grid.height));
     band.row_found.assign(static_cast<std::size_t>(grid.words()), 0);
     band.candidates.resize(static_cast<std::size_t>(grid.stride()));
     band.row_surfels.resize(static_cast<std::size_t>(grid.stride()));
@@ -187,12 +241,18 @@ void find_in_regions(const SurfelRule& rule, const EdgeRule& edge_rule, std::spa
       }
     });
   };
-  each(kComparedBeside_px,
-       [&](const Region& region, BandWork&) { compare_cells(work.heights, edge_rule, words_of(region), work.fits); });
-  each(kEdgesBeside_px,
-       [&](const Region& region, BandWork&) { find_borders(work.heights, edge_rule, words_of(region), work.fits); });
-  each(kWindowsBeside_px,
-       [&](const Region& region, BandWork& band) { fit_windows(words_of(region), work.fits, band.spread); });
+  each(kComparedBeside_px, [&](const Region& region, BandWork&) {
+    in_parts(affected, affected.edges, kAffectedRows_px, region,
+             [&](const WordArea& area) { compare_cells(work.heights, edge_rule, area, work.fits); });
+  });
+  each(kEdgesBeside_px, [&](const Region& region, BandWork&) {
+    in_parts(affected, affected.edges, kAffectedRows_px, region,
+             [&](const WordArea& area) { find_borders(work.heights, edge_rule, area, work.fits); });
+  });
+  each(kWindowsBeside_px, [&](const Region& region, BandWork& band) {
+    in_parts(affected, affected.surfels, kWindowRows_px, region,
+             [&](const WordArea& area) { fit_windows(area, work.fits, band.spread); });
+  });
   each(0, [&](const Region& region, BandWork& band) { find_in_region(rule, region, affected, band, work); });
 }
 

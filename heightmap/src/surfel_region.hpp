@@ -16,9 +16,10 @@ inline constexpr int kSurfelReach_px = 2 * kLargestHalf_px;
 
 /// Buffers of one thread on the way from heights to surfels.
 struct BandWork {
-  BitImage spread;
+  SpreadWork spread;
   WindowSums sums;
   std::array<PlaneRing, kWindowSizes> planes;
+  std::vector<Part> affected;            ///< by row of the region: columns whose surfels are found anew
   std::vector<std::uint64_t> row_found;  ///< of one row: columns with a surfel
   std::vector<std::int32_t> candidates;  ///< of one row
   std::vector<FoundSurfel> row_surfels;  ///< and it, by column
@@ -46,15 +47,19 @@ struct Region {
 /// Rows are affected by so many at once. (Columns by tiles: what is computed from them goes by vectors.)
 inline constexpr int kAffectedRows_px = 8;
 
-/// Where within regions surfels depend on heights that have changed.
+/// Where within regions something depends on heights that have changed: a flag for each kAffectedRows_px rows of each
+/// column of tiles; none: all of it does.
 struct AffectedTiles {
-  const std::uint8_t* tiles =
-      nullptr;      ///< a flag for each kAffectedRows_px rows of each column of tiles; none: all are
-  int columns = 0;  ///< of tiles
+  const std::uint8_t* surfels = nullptr;
+  const std::uint8_t* edges = nullptr;  ///< and which blocks are beside holes
+  int columns = 0;                      ///< of tiles
 
-  /// The columns [u_begin, u_end) of a region's row that are affected, and what is between them; v_begin is v.
-  Region row_of(const Region& region, int v) const;
+  /// The columns of a region's row that have such a flag, and what is between them.
+  Part columns_of(const std::uint8_t* flags, const Region& region, int v) const;
 };
+
+/// Fetches the surfels of a row, which lie far from those of others, so that the processor does not see them coming.
+void fetch_found(const SurfelWork& work, int v);
 
 void prepare(const HeightMap& map, int threads, SurfelWork& work);
 

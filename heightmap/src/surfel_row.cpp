@@ -63,6 +63,7 @@ HWY_INLINE V3 Select(M mask, const V3& yes, const V3& no) {
 }
 
 struct Facet {
+  V slope_u, slope_v;  ///< per pixel; huge where there is no plane
   V3 position_m;
   V3 normal;
   V norm;        ///< of (a, b, c), one over the plane's distance
@@ -112,7 +113,8 @@ HWY_INLINE Facet FacetAt(const SurfelRule& rule, const Neighbourhood& n, const P
   const V norm = hn::Sqrt(hn::Add(hn::Mul(a, a), hn::Add(hn::Mul(b, b), hn::Mul(c, c))));
   const V one = Set(1.0F);
   const V z = hn::Div(one, w);
-  return {{hn::Mul(r.x, z), hn::Mul(r.y, z), z}, Scale({a, b, c}, hn::Div(one, norm)), norm, r.px_per_ray};
+  return {slope_u, slope_v,     {hn::Mul(r.x, z), hn::Mul(r.y, z), z}, Scale({a, b, c}, hn::Div(one, norm)),
+          norm,    r.px_per_ray};
 }
 
 /// Greater curvature (1/m, convex towards the camera positive) and its σ, from how the normal turns between the planes
@@ -124,38 +126,38 @@ struct Curvature {
   V flat_sigma_per_m;
 };
 
-/// |slope|² per pixel of a row's planes at some places; huge where there is none.
-HWY_INLINE V Steepness2(const PlaneRow& row, VI places) {
-  const V slope_u = At(row.slope_u, places);
-  const V slope_v = At(row.slope_v, places);
-  return hn::Add(hn::Mul(slope_u, slope_u), hn::Mul(slope_v, slope_v));
+/// |slope|² per pixel.
+HWY_INLINE V Steepness2(const Facet& facet) {
+  return hn::Add(hn::Mul(facet.slope_u, facet.slope_u), hn::Mul(facet.slope_v, facet.slope_v));
 }
+
+/// A plane and those half a window to either side of it.
+struct Facets {
+  Facet middle, before, after, above, below;
+};
 
 /// σ of a slope, per pixel, if all this is a plane: what depths jitter, and on a slope also what readings jitter
 /// sideways. A plane is as steep everywhere, so the flattest of the windows counts: of what may be a tube that leaves
 /// its flanks a vote. The second part is one frame's, however many were fused: it averages out as well, but the levels
 /// that a sensor rounds to stay, and on a slope they bend.
-HWY_INLINE V FlatSlopeSigma(const SurfelRule& rule, const Neighbourhood& n, VI places) {
-  const float side = static_cast<float>(2 * n.half + 1);
-  const float moment_px2 = side * side * static_cast<float>(n.half * (n.half + 1)) / 3.0F;
-  const V across = hn::Min(Steepness2(n.row, Beside(places, -n.half)), Steepness2(n.row, Beside(places, n.half)));
-  const V down = hn::Min(Steepness2(n.above, places), Steepness2(n.below, places));
-  const V steep = hn::Min(Steepness2(n.row, places), hn::Min(across, down));
-  const V axial = At(n.row.slope_sigma, places);
+HWY_INLINE V FlatSlopeSigma(const SurfelRule& rule, const Facets& facets, V axial, int half) {
+  const float side = static_cast<float>(2 * half + 1);
+  const float moment_px2 = side * side * static_cast<float>(half * (half + 1)) / 3.0F;
+  const V across = hn::Min(Steepness2(facets.before), Steepness2(facets.after));
+  const V down = hn::Min(Steepness2(facets.above), Steepness2(facets.below));
+  const V steep = hn::Min(Steepness2(facets.middle), hn::Min(across, down));
   const V sideways = hn::Mul(steep, Set(rule.lateral_px * rule.lateral_px / moment_px2));
   return hn::Sqrt(hn::Add(hn::Mul(axial, axial), sideways));
 }
 
 HWY_INLINE Curvature CurvatureOf(const SurfelRule& rule, const Neighbourhood& n, VI places, const Facet& middle) {
   const int h = n.half;
-  const VI left = Beside(places, -h);
-  const VI right = Beside(places, h);
-  const Between across = Spread(At(n.row.slope_u, left), At(n.row.slope_u, right), h);
-  const Between down = Spread(At(n.above.slope_u, places), At(n.below.slope_u, places), h);
-  const Facet before = FacetAt(rule, n, n.row, left, 0);
-  const Facet after = FacetAt(rule, n, n.row, right, 0);
-  const Facet above = FacetAt(rule, n, n.above, places, -h);
-  const Facet below = FacetAt(rule, n, n.below, places, h);
+  const Facets facets{middle, FacetAt(rule, n, n.row, Beside(places, -h), 0),
+                      FacetAt(rule, n, n.row, Beside(places, h), 0), FacetAt(rule, n, n.above, places, -h),
+                      FacetAt(rule, n, n.below, places, h)};
+  const auto& [self, before, after, above, below] = facets;
+  const Between across = Spread(before.slope_u, after.slope_u, h);
+  const Between down = Spread(above.slope_u, below.slope_u, h);
   const auto step = [&](const Between& known, const V3& first, const V3& mid, const V3& second)
                         HWY_ATTR { return Sub(Select(known.after, second, mid), Select(known.before, first, mid)); };
   const V3 step_u = step(across, before.position_m, middle.position_m, after.position_m);
@@ -191,8 +193,9 @@ HWY_INLINE Curvature CurvatureOf(const SurfelRule& rule, const Neighbourhood& n,
   const V spread = hn::Sqrt(hn::Add(hn::Mul(side, side), hn::Mul(off, off)));
   const V per_slope =
       hn::Div(hn::Mul(middle.px_per_ray, Set(kRoot2)), hn::Mul(middle.norm, hn::Min(length_u, length_v)));
-  return {known, hn::Add(mean, spread), hn::Mul(At(n.row.slope_sigma, places), per_slope),
-          hn::Mul(FlatSlopeSigma(rule, n, places), per_slope)};
+  const V slope_sigma = At(n.row.slope_sigma, places);
+  return {known, hn::Add(mean, spread), hn::Mul(slope_sigma, per_slope),
+          hn::Mul(FlatSlopeSigma(rule, facets, slope_sigma, h), per_slope)};
 }
 
 /// The lanes of surfels, on their way from vectors to structs.

@@ -61,6 +61,7 @@ void TileLedger::start(const HeightMap& map) {
   missing_.assign(tiles, 0);
   taken_.assign(tiles, 0);
   affected_.assign(tiles * kUnitsPerTile, 0);
+  edges_affected_.assign(tiles * kUnitsPerTile, 0);
   regions_.reserve(tiles * kUnitsPerTile);
   started_ = false;
 }
@@ -101,20 +102,26 @@ void TileLedger::mark_affected(const HeightMap& map, const Heights& heights, int
   const int above = longest_gap(heights, tile.u_begin, tile.v_begin - 1, 0, -1, columns);
   const int below = longest_gap(heights, tile.u_begin, tile.v_end, 0, 1, columns);
   // Gaps are looked across along rows and columns only.
-  mark({tile.u_begin - kReach_px - left, tile.u_end + kReach_px + right, tile.v_begin - kReach_px,
-        tile.v_end + kReach_px});
-  if (above == 0 && below == 0) return;
-  mark({tile.u_begin - kReach_px, tile.u_end + kReach_px, tile.v_begin - kReach_px - above,
-        tile.v_end + kReach_px + below});
+  const auto mark_around = [&](int rows_px, std::vector<std::uint8_t>& flags) {
+    mark(
+        {tile.u_begin - kReach_px - left, tile.u_end + kReach_px + right, tile.v_begin - rows_px, tile.v_end + rows_px},
+        flags);
+    if (above == 0 && below == 0) return;
+    mark({tile.u_begin - kReach_px, tile.u_end + kReach_px, tile.v_begin - rows_px - above,
+          tile.v_end + rows_px + below},
+         flags);
+  };
+  mark_around(kReach_px, affected_);
+  mark_around(1, edges_affected_);
 }
 
-void TileLedger::mark(const Region& cells) {
+void TileLedger::mark(const Region& cells, std::vector<std::uint8_t>& flags) const {
   const int first = std::max(0, cells.u_begin) / kTileWidth_px;
   const int last = std::min(columns_ - 1, (cells.u_end - 1) / kTileWidth_px);
   const int above = std::max(0, cells.v_begin) / kUnit_px;
   const int below = std::min(rows_ * kUnitsPerTile, (cells.v_end + kUnit_px - 1) / kUnit_px);
   for (int unit = above; unit < below; ++unit) {
-    std::fill_n(affected_.begin() + unit * columns_ + first, last - first + 1, std::uint8_t{1});
+    std::fill_n(flags.begin() + unit * columns_ + first, last - first + 1, std::uint8_t{1});
   }
 }
 
@@ -166,14 +173,16 @@ void TileLedger::take_row_of_tiles(const HeightMap& map, int row, Heights& heigh
 }
 
 std::span<const Region> TileLedger::take_due(const HeightMap& map, Heights& heights, Workers& workers) {
-  std::fill(affected_.begin(), affected_.end(), std::uint8_t{0});
+  for (auto* flags : {&affected_, &edges_affected_}) std::fill(flags->begin(), flags->end(), std::uint8_t{0});
   workers.run([&](int i) {
     const Part rows = part_of(rows_, i, workers.count());
     for (int row = rows.begin; row < rows.end; ++row) take_row_of_tiles(map, row, heights);
   });
   started_ = true;
   const bool all = std::find(taken_.begin(), taken_.end(), std::uint8_t{0}) == taken_.end();
-  if (all) std::fill(affected_.begin(), affected_.end(), std::uint8_t{1});
+  for (auto* flags : {&affected_, &edges_affected_}) {
+    if (all) std::fill(flags->begin(), flags->end(), std::uint8_t{1});
+  }
   for (int row = 0; row < rows_ && !all; ++row) {
     for (int column = 0; column < columns_; ++column) {
       if (taken_[static_cast<std::size_t>(row) * static_cast<std::size_t>(columns_) + static_cast<std::size_t>(column)])

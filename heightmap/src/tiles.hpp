@@ -22,14 +22,14 @@ class TileLedger {
   /// followed, a band of all tiles every few frames. The regions whose surfels depend on what was taken.
   std::span<const Region> take_due(const HeightMap& map, Heights& heights, Workers& workers);
   /// Within the regions of the last call.
-  AffectedTiles affected() const { return {affected_.data(), columns_}; }
+  AffectedTiles affected() const { return {affected_.data(), edges_affected_.data(), columns_}; }
 
  private:
   bool due(const HeightMap& map, int row, int column, const Heights& heights);
   bool has_moved(const HeightMap& map, const Region& cells, std::size_t tile, const Heights& heights);
   void take_row_of_tiles(const HeightMap& map, int row, Heights& heights);
   void mark_affected(const HeightMap& map, const Heights& heights, int row, int column);
-  void mark(const Region& cells);
+  void mark(const Region& cells, std::vector<std::uint8_t>& flags) const;
   void gather_regions(const HeightMap& map);
 
   int rows_ = 0;
@@ -39,6 +39,7 @@ class TileLedger {
   std::vector<std::int32_t> missing_;    ///< by tile: so many more steady cells must change for it to be due
   std::vector<std::uint8_t> taken_;      ///< by tile: in this call
   std::vector<std::uint8_t> affected_;   ///< by unit of rows and column of tiles: surfels depend on what was taken now
+  std::vector<std::uint8_t> edges_affected_;  ///< the same for edges, and blocks beside holes
   std::vector<Region> regions_;
 };
 

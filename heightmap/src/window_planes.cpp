@@ -1,7 +1,9 @@
 #include "window_planes.hpp"
 
 #include <algorithm>
-#include <bit>
+#include <array>
+
+#include "tubetrack/heightmap/normals.hpp"
 
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "window_planes.cpp"
@@ -124,37 +126,59 @@ HWY_INLINE Planes Choose(hn::Mask<D> mask, const Planes& yes, const Planes& no) 
           hn::Or(hn::And(mask, yes.known), hn::AndNot(mask, no.known))};
 }
 
-void PlanesOfRow(const std::uint32_t* top, const std::uint32_t* bottom, std::size_t stride, int sums_offset, int half,
-                 int u_begin, int v, int columns, const std::uint64_t* fits, const std::uint64_t* holes,
-                 const PlaneRow& out) {
+/// The planes of one vector, some of whose windows don't fit or have holes. `fit` and `with_holes` have a bit a lane.
+HWY_NOINLINE void PlanesOfSome(const Corners& window, int half, VU u, VU v, std::uint64_t fit, std::uint64_t with_holes,
+                               int i, const PlaneRow& out) {
+  const D d;
+  // Each cell by its own window: were it by the vector's, the rounding would depend on the vector's length and place.
+  Planes planes = FullWindows(window, FullWindow(half), u, v);
+  if (with_holes != 0) planes = Choose(MaskOf(with_holes), WindowsWithHoles(window, half, u, v), planes);
+  const auto known = hn::And(planes.known, MaskOf(fit));
+  hn::StoreU(hn::IfThenElse(known, planes.slope_u, hn::Set(d, kNoPlane)), d, out.slope_u + i);
+  hn::StoreU(planes.slope_v, d, out.slope_v + i);
+  hn::StoreU(hn::Sqrt(planes.slope_variance), d, out.slope_sigma + i);
+  hn::StoreU(planes.height, d, out.height + i);
+}
+
+template <int kHalf>
+void PlanesOfSize(const std::uint32_t* top, const std::uint32_t* bottom, std::size_t stride, int u_begin, int v,
+                  int columns, const std::uint64_t* fits, const std::uint64_t* holes, const PlaneRow out) {
   const D d;
   const DU du;
   const int lanes = static_cast<int>(hn::Lanes(d));
   const VU row = hn::Set(du, static_cast<std::uint32_t>(v));
   const VU lane = hn::Iota(du, 0U);  // slow where it is needed anew
-  const FullWindow full_window(half);
-  const std::uint64_t lane_bits = (std::uint64_t{1} << lanes) - 1;
+  const FullWindow full_window(kHalf);
+  const std::uint64_t all = (std::uint64_t{1} << lanes) - 1;
   for (int i = 0; i < columns; i += lanes) {
-    const int padded = u_begin + i + kMargin_px;
-    const std::uint64_t fit = fits[padded / 64] >> (padded % 64) & lane_bits;
+    const auto padded = static_cast<unsigned>(u_begin + i + kMargin_px);
+    const std::uint64_t fit = fits[padded / 64] >> (padded % 64) & all;
     if (fit == 0) {
       hn::StoreU(hn::Set(d, kNoPlane), d, out.slope_u + i);
       continue;
     }
-    const std::size_t at = static_cast<std::size_t>(sums_offset) + static_cast<std::size_t>(i);
-    const Corners window{top, bottom, stride, at - static_cast<std::size_t>(half),
-                         at + static_cast<std::size_t>(half) + 1};
+    const auto at = static_cast<std::size_t>(i);
+    const Corners window{top, bottom, stride, at, at + 2 * kHalf + 1};
     const VU u = hn::Add(lane, hn::Set(du, static_cast<std::uint32_t>(u_begin + i)));
-    // Each cell by its own window: were it by the vector's, the rounding would depend on the vector's length and place.
-    Planes planes = FullWindows(window, full_window, u, row);
     const std::uint64_t with_holes = holes[padded / 64] >> (padded % 64) & fit;
-    if (with_holes != 0) planes = Choose(MaskOf(with_holes), WindowsWithHoles(window, half, u, row), planes);
-    const auto known = hn::And(planes.known, MaskOf(fit));
-    hn::StoreU(hn::IfThenElse(known, planes.slope_u, hn::Set(d, kNoPlane)), d, out.slope_u + i);
+    if (fit != all || with_holes != 0) {
+      PlanesOfSome(window, kHalf, u, row, fit, with_holes, i, out);
+      continue;
+    }
+    const Planes planes = FullWindows(window, full_window, u, row);  // all are known
+    hn::StoreU(planes.slope_u, d, out.slope_u + i);
     hn::StoreU(planes.slope_v, d, out.slope_v + i);
     hn::StoreU(hn::Sqrt(planes.slope_variance), d, out.slope_sigma + i);
     hn::StoreU(planes.height, d, out.height + i);
   }
+}
+
+/// `top`, `bottom`: the corners of the first cell's window are in these, the left ones first.
+void PlanesOfRow(const std::uint32_t* top, const std::uint32_t* bottom, std::size_t stride, int half, int u_begin,
+                 int v, int columns, const std::uint64_t* fits, const std::uint64_t* holes, const PlaneRow& out) {
+  static_assert(kWindowHalfSizes_px == std::array{3, 6, 10});
+  const auto planes = half == 3 ? PlanesOfSize<3> : half == 6 ? PlanesOfSize<6> : PlanesOfSize<10>;
+  planes(top, bottom, stride, u_begin, v, columns, fits, holes, out);
 }
 
 }  // namespace
@@ -171,14 +195,14 @@ void PlaneRing::start(int half_px, int u_begin, int columns) {
   half_px_ = half_px;
   u_begin_ = u_begin;
   columns_ = columns;
-  rows_ = std::bit_ceil(static_cast<unsigned>(2 * half_px + 1));
+  rows_ = static_cast<unsigned>(2 * half_px + 1);
   const std::size_t size = std::size_t{4} * rows_ * static_cast<std::size_t>(columns);
   if (ring_.size() < size) ring_.resize(size);
 }
 
 PlaneRow PlaneRing::row(int v) {
   const auto columns = static_cast<std::size_t>(columns_);
-  float* start = ring_.data() + static_cast<unsigned>(v) % rows_ * 4 * columns;
+  float* start = ring_.data() + (static_cast<unsigned>(v) + rows_) % rows_ * 4 * columns;
   return {start, start + columns, start + 2 * columns, start + 3 * columns};
 }
 
@@ -192,8 +216,9 @@ void planes_of_row(const WindowSums& sums, const BitImage& fits, const BitImage&
     std::fill_n(out.slope_u, u_end - u_begin, kNoPlane);
     return;
   }
+  const int left = sums.index(u_begin) - half;
   HWY_DYNAMIC_DISPATCH(PlanesOfRow)
-  (sums.row(v - half), sums.row(v + half + 1), sums.stride(), sums.index(u_begin), half, u_begin, v, u_end - u_begin,
+  (sums.row(v - half) + left, sums.row(v + half + 1) + left, sums.stride(), half, u_begin, v, u_end - u_begin,
    fits.row(v), holes.row(v), out);
 }
 

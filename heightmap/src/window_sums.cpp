@@ -1,5 +1,7 @@
 #include "window_sums.hpp"
 
+#include <hwy/cache_control.h>
+
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "window_sums.cpp"
 #include <hwy/foreach_target.h>
@@ -41,17 +43,19 @@ struct Running {
         back8(Back(8)),
         last(hn::IndicesFromVec(D(), hn::Set(D(), static_cast<std::uint32_t>(hn::Lanes(D()) - 1)))) {}
 
+  /// The last lane of the block of four that is `by` lanes back.
   static HWY_INLINE Places Back(std::uint32_t by) {
     const D d;
     const auto lanes = static_cast<std::uint32_t>(hn::Lanes(d));
-    return hn::IndicesFromVec(d, hn::And(hn::Sub(hn::Iota(d, lanes), hn::Set(d, by)), hn::Set(d, lanes - 1)));
+    const V last_of_block = hn::Or(hn::Sub(hn::Iota(d, lanes), hn::Set(d, by)), hn::Set(d, 3));
+    return hn::IndicesFromVec(d, hn::And(last_of_block, hn::Set(d, lanes - 1)));
   }
 
   HWY_INLINE V operator()(V v, V& carry) const {
     v = hn::Add(v, hn::ShiftLeftLanes<1>(v));
     v = hn::Add(v, hn::ShiftLeftLanes<2>(v));
-    if (hn::Lanes(D()) > 4) v = hn::Add(v, hn::And(hn::TableLookupLanes(hn::Broadcast<3>(v), back4), beyond4));
-    if (hn::Lanes(D()) > 8) v = hn::Add(v, hn::And(hn::TableLookupLanes(hn::Broadcast<3>(v), back8), beyond8));
+    if (hn::Lanes(D()) > 4) v = hn::Add(v, hn::And(hn::TableLookupLanes(v, back4), beyond4));
+    if (hn::Lanes(D()) > 8) v = hn::Add(v, hn::And(hn::TableLookupLanes(v, back8), beyond8));
     const V sums = hn::Add(v, carry);
     carry = hn::Add(carry, hn::TableLookupLanes(v, last));
     return sums;
@@ -60,9 +64,12 @@ struct Running {
 
 #endif
 
-/// One row of the table. `above`, `below`: the row's start and its next in each channel, `stride` apart.
-void AddRow(const std::int32_t* height, const std::int32_t* variance, int u_begin, int v, int columns,
-            const std::uint8_t* near_holes, const std::uint32_t* above, std::uint32_t* below, std::size_t stride) {
+/// One row of the table. `above`, `below`: the row's start and its next in each channel, `stride` apart. The next row
+/// of heights, `next` cells on, is fetched meanwhile: rows of a narrow strip are too short for the processor to see
+/// what comes.
+void AddRow(const std::int32_t* height, const std::int32_t* variance, std::ptrdiff_t next, int u_begin, int v,
+            int columns, const std::uint8_t* near_holes, const std::uint32_t* above, std::uint32_t* below,
+            std::size_t stride) {
   const D d;
   const Running prefix;
   const V row = hn::Set(d, static_cast<std::uint32_t>(v));
@@ -78,6 +85,8 @@ void AddRow(const std::int32_t* height, const std::int32_t* variance, int u_begi
   V carry_uh = hn::Zero(d);
   V carry_variance = hn::Zero(d);
   for (int i = 0; i < columns; i += lanes) {
+    hwy::Prefetch(height + next + i);
+    hwy::Prefetch(variance + next + i);
     const V h = hn::LoadU(d, reinterpret_cast<const std::uint32_t*>(height + i));
     const V sum_h = prefix(h, carry_h);
     add(kH, i, sum_h);
@@ -118,16 +127,17 @@ HWY_EXPORT(AddRow);
 
 void WindowSums::start(int u_begin, int columns) {
   u_begin_ = u_begin;
-  columns_ = columns;
   stride_ = static_cast<std::size_t>(columns) + 16;
   if (ring_.size() < kRows * kSumChannels * stride_) ring_.resize(kRows * kSumChannels * stride_);
 }
 
-void WindowSums::add_row(const Heights& heights, int v, const std::uint8_t* near_holes) {
-  const std::size_t at = heights.grid.at(u_begin_, v);
+void WindowSums::add_row(const Heights& heights, int v, int u_begin, int u_end, const std::uint8_t* near_holes) {
+  const std::size_t from = heights.grid.at(u_begin, v);
+  const auto to = static_cast<std::size_t>(index(u_begin));
+  const std::ptrdiff_t next = v + 1 < heights.grid.height ? heights.grid.stride() : 0;
   HWY_DYNAMIC_DISPATCH(AddRow)
-  (heights.height.data() + at, heights.variance.data() + at, u_begin_, v, columns_, near_holes,
-   ring_.data() + offset(v), ring_.data() + offset(v + 1), stride_);
+  (heights.height.data() + from, heights.variance.data() + from, next, u_begin, v, u_end - u_begin, near_holes,
+   ring_.data() + offset(v) + to, ring_.data() + offset(v + 1) + to, stride_);
 }
 
 }  // namespace tubetrack

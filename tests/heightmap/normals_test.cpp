@@ -65,7 +65,7 @@ std::vector<WindowPlane> window_planes(const HeightMap& map, std::size_t size, b
   int summed = 0;
   for (int v = 0; v < height; ++v) {
     for (; summed < std::min(height, v + half + 1); ++summed)
-      work.bands[0].sums.add_row(work.heights, summed, near_holes.data());
+      work.bands[0].sums.add_row(work.heights, summed, -32, columns + 32, near_holes.data());
     planes_of_row(work.bands[0].sums, windows.fits, windows.holes, v, 0, columns, work.bands[0].planes[size]);
     const PlaneRow row = work.bands[0].planes[size].row(v);
     for (int u = 0; u < width; ++u) {

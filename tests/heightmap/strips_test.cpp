@@ -36,8 +36,7 @@ struct Rod {
 };
 
 /// `sigma_m` on every reading.
-HeightMap map_of(const std::optional<Rod>& rod, double wall_m, double sigma_m) {
-  HeightMap map = make_height_map(kCamera);
+void see(HeightMap& map, const std::optional<Rod>& rod, double wall_m, double sigma_m) {
   std::vector<std::uint16_t> pixels(map.rays.size());
   std::mt19937 random(7);
   std::normal_distribution<double> noise(0.0, 1.0);
@@ -48,18 +47,34 @@ HeightMap map_of(const std::optional<Rod>& rod, double wall_m, double sigma_m) {
   }
   update(map, {pixels.data(), kCamera.width, kCamera.height, static_cast<std::size_t>(kCamera.width) * 2, 1e-4}, {}, {},
          true);
+}
+
+HeightMap map_of(const std::optional<Rod>& rod, double wall_m, double sigma_m) {
+  HeightMap map = make_height_map(kCamera);
+  see(map, rod, wall_m, sigma_m);
   return map;
 }
 
 /// What silhouettes alone give: no curvature passes the gate.
-std::vector<Surfel> strips_of(const HeightMap& map, std::span<const std::uint8_t> skip = {}) {
+std::vector<Surfel> strips_of(SurfelFinder& finder, const HeightMap& map, std::span<const std::uint8_t> skip = {},
+                              double widest_px = 16.0) {
   SurfelOptions options;
   options.gate_sigmas = 1e6;
   options.narrowest_strip_px = 8.0;
-  options.widest_strip_px = 16.0;
-  SurfelFinder finder;
+  options.widest_strip_px = widest_px;
   const auto surfels = finder.find(map, {}, options, skip);
   return {surfels.begin(), surfels.end()};
+}
+
+std::vector<Surfel> strips_of(const HeightMap& map, std::span<const std::uint8_t> skip = {}) {
+  SurfelFinder finder;
+  return strips_of(finder, map, skip);
+}
+
+std::vector<std::uint32_t> cells_of(const std::vector<Surfel>& surfels) {
+  std::vector<std::uint32_t> cells;
+  for (const Surfel& surfel : surfels) cells.push_back(surfel.cell);
+  return cells;
 }
 
 /// 13.6 px wide, turned in the image and leaning away.
@@ -110,6 +125,20 @@ TEST(Strips, ThereAreNoneOnATubeThatIsSkipped) {
     skip[i] = rod.depth_m(Vector3d(map.rays[i].x(), map.rays[i].y(), 1.0)) ? 1 : 0;
   }
   EXPECT_TRUE(strips_of(map, skip).empty());
+}
+
+TEST(Strips, AreThoseOfTheHeightsNowWhateverWasAskedForBefore) {
+  HeightMap map = map_of(rod_at(0.3, 0.0), kWall_m, 0.0);
+  SurfelFinder finder;
+  const auto before = cells_of(strips_of(finder, map));
+  EXPECT_EQ(cells_of(strips_of(finder, map)), before);
+  EXPECT_TRUE(strips_of(finder, map, {}, 9.0).empty());
+  EXPECT_EQ(cells_of(strips_of(finder, map)), before);
+  see(map, rod_at(1.3, 0.0), kWall_m, 0.0);
+  EXPECT_TRUE(strips_of(finder, map, {}, 0.0).empty());  // heights are taken, strips are not looked for
+  const auto after = cells_of(strips_of(finder, map));
+  EXPECT_EQ(after, cells_of(strips_of(map)));
+  EXPECT_NE(after, before);
 }
 
 TEST(Strips, ComeInCellOrderOneACellBesideThoseOfCurvature) {
