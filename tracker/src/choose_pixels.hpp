@@ -22,18 +22,26 @@ struct ChosenPixels {
   void make_room(std::size_t pixels);
 };
 
+/// Of the rows of the image every so manieth, the first of them at `first`.
+struct SomeRows {
+  int every = 1;
+  int first = 0;
+};
+
 /// Which pixels are chosen: readings within near_m or far_m, each with so many σ more, of the prediction.
 struct PixelChoice {
   const float* depth_m = nullptr;  ///< the map's readings, a cell each; none at 0 and below
   const float* rays = nullptr;     ///< the map's rays, x and y of each cell
+  std::size_t cells = 0;           ///< of the map
   DisparityLevels levels;
-  double near_m = 0.0;
-  double far_m = 0.0;
-  double sigmas = 0.0;
+  float near_m = 0.0F;
+  float far_m = 0.0F;
+  float sigmas = 0.0F;
   float least_margin_px = 0.0F;
   float t_begin = 0.0F;
   float t_end = 0.0F;
   int stretches = 0;
+  SomeRows rows;
 };
 
 /// Of the pixels those that may be fitted, in their order.

@@ -45,8 +45,8 @@ std::array<End, 2> ends_of(const FollowedTube& tube) {
           End{point_at(spline, tube.extent.t_end), derivative_at(spline, tube.extent.t_end).normalized()}};
 }
 
-/// How far around a followed tube the image is looked at: what lies beside it, and where it may have gone since the last
-/// frame. One that rests is found within a radius of where it was.
+/// How far around a followed tube the image is looked at: what lies beside it, and where it may have gone since the
+/// last frame. One that rests is found within a radius of where it was.
 struct Reach {
   double radii = 0.0;
   double px = 0.0;
@@ -123,9 +123,8 @@ void hide_run(const SeenTube* mine, const SeenTube& other, std::size_t begin, st
     const bool on_outline = pixels.margin_px[i] < 1.0F;
     if (!agrees && !on_outline) continue;
     while (at < own && mine->pixels.cell[at] < cell) ++at;
-    const bool in_front = at < own && mine->pixels.cell[at] == cell &&
-                          mine->pixels.depth_m[at] <= pixels.depth_m[i] && mine->pixels.t[at] >= mine->extent.t_begin &&
-                          mine->pixels.t[at] <= mine->extent.t_end;
+    const bool in_front = at < own && mine->pixels.cell[at] == cell && mine->pixels.depth_m[at] <= pixels.depth_m[i] &&
+                          mine->pixels.t[at] >= mine->extent.t_begin && mine->pixels.t[at] <= mine->extent.t_end;
     if (in_front) continue;
     if (agrees) take_out(map, cell, hidden);
     if (on_outline) take_out_around(map, cell, hidden);

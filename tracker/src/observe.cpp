@@ -31,18 +31,20 @@ float not_above(double value) {
 }  // namespace
 
 void observe(const HeightMap& map, const NoiseModel& noise, const Spline& spline, const PredictedPixels& pixels,
-             const Gates& gates, const Extent& extent, Sighting& sighting) {
+             const Gates& gates, const Extent& extent, const SomeRows& rows, Sighting& sighting) {
   const std::size_t stretches = (spline.control_m.size() - 3) * kStretchesPerSpan;
   const PixelChoice choice{map.depth_m.data(),
                            map.rays.data()->data(),
+                           map.rays.size(),
                            levels_of_readings(map, noise),
-                           gates.near_m,
-                           gates.far_m,
-                           gates.sigmas,
+                           static_cast<float>(gates.near_m),
+                           static_cast<float>(gates.far_m),
+                           static_cast<float>(gates.sigmas),
                            least_margin_px(noise),
                            not_below(extent.t_begin),
                            not_above(extent.t_end),
-                           static_cast<int>(stretches)};
+                           static_cast<int>(stretches),
+                           rows};
   ChosenPixels& chosen = sighting.chosen;
   choose_pixels(choice, pixels, chosen);
   sighting.near_next.assign(stretches, 0);

@@ -60,10 +60,11 @@ void start_pool(FollowedTube& tube) {
 void add_to_pool(FollowedTube& tube) {
   const double doubt = std::max(1.0, tube.quality.chi2_per_observation);
   if (++tube.frames_pooled > kMaxPooledFrames) {
-    constexpr double kFactor = 1.0 - 1.0 / kMaxPooledFrames;
-    tube.pooled.matrix *= kFactor;
-    tube.pooled.vector *= kFactor;
-    fade(tube.drift, kFactor);
+    // A frame that was fitted in part fades what is older by as much less.
+    const double factor = 1.0 - 1.0 / (kMaxPooledFrames * tube.fitted_every_row);
+    tube.pooled.matrix *= factor;
+    tube.pooled.vector *= factor;
+    fade(tube.drift, factor);
   }
   const Information observed{tube.quality.observed.matrix / doubt, tube.quality.observed.vector / doubt};
   tube.pooled.matrix += observed.matrix;
@@ -115,13 +116,14 @@ void transform(FollowedTube& tube, const Eigen::Isometry3d& new_from_old) {
   move_model(tube.drift.anchor);
   const Eigen::Matrix3d rotation = new_from_old.linear();
   const auto turn_blocks = [&](RecycledMatrix& matrix) {
-    for (Eigen::Index k = 0; k + 3 <= matrix.rows(); k += 3) {
-      const RecycledMatrix rows = matrix.middleRows<3>(k);
-      matrix.middleRows<3>(k).noalias() = rotation * rows;
-    }
-    for (Eigen::Index k = 0; k + 3 <= matrix.cols(); k += 3) {
-      const RecycledMatrix columns = matrix.middleCols<3>(k);
-      matrix.middleCols<3>(k).noalias() = columns * rotation.transpose();
+    const Eigen::Index last = matrix.rows() - 1;
+    for (Eigen::Index row = 0; row < last; row += 3) {
+      for (Eigen::Index col = 0; col < last; col += 3) {
+        auto block = matrix.block<3, 3>(row, col);
+        if ((block.array() != 0.0).any()) block = (rotation * Eigen::Matrix3d(block) * rotation.transpose()).eval();
+      }
+      matrix.block<3, 1>(row, last) = rotation * Eigen::Vector3d(matrix.block<3, 1>(row, last));
+      matrix.block<1, 3>(last, row) = Eigen::RowVector3d(matrix.block<1, 3>(last, row)) * rotation.transpose();
     }
   };
   const auto carry = [&](Information& information) {
