@@ -27,7 +27,7 @@ constexpr double kUnmoved = 0.005;
 // of them where those say that it may have moved: 6 degrees of freedom, one frame in twenty by chance.
 constexpr int kSureFrames = 30;
 constexpr std::size_t kEnoughPixels = 1500;
-constexpr std::size_t kMostRowsLeftOut = 4;
+constexpr std::size_t kFewestRows = 2;  // every second; of every fourth ends wander more
 constexpr double kMayMoveChi2 = 12.6;
 
 /// The motion from where a model is to where the frame sees it; empty where it sees too little to tell.
@@ -60,7 +60,7 @@ bool has_pixels_of(const FollowedTube& tube, const TubeModel& model) {
 /// Every how manieth row of the frame says enough of a tube.
 int rows_to_fit(const FollowedTube& tube, const TrackerConfig& config) {
   if (!tube.at_rest || tube.frames_pooled < kSureFrames || config.varying_radius) return 1;
-  return static_cast<int>(std::clamp(tube.pixels.size() / kEnoughPixels, std::size_t{1}, kMostRowsLeftOut));
+  return static_cast<int>(std::clamp(tube.pixels.size() / kEnoughPixels, std::size_t{1}, kFewestRows));
 }
 
 /// At rest: does the frame, which some rows of are in `view`, see the tube where it was? Takes in the others where
