@@ -103,25 +103,6 @@ TEST(Observe, ChoosesTheReadingsThatSelectObservationsDoesStretchByStretch) {
   }
 }
 
-TEST(Observe, RowsThatAreTakenInTurnsAreTogetherAll) {
-  const View view = look_at_a_tube(true);
-  const auto pixels = predict_pixels(view.map, view.noise, view.model);
-  const Gates gates{0.001, 0.004, 2.0};
-  Sighting all;
-  observe(view.map, view.noise, view.model.spline, pixels, gates, kWholeTube, all);
-  constexpr int kEvery = 3;
-  std::size_t near = 0, far = 0;
-  for (int first = 0; first < kEvery; ++first) {
-    Sighting some;
-    observe(view.map, view.noise, view.model.spline, pixels, gates, kWholeTube, {kEvery, first}, some);
-    EXPECT_NEAR(static_cast<double>(some.near.count), static_cast<double>(all.near.count) / kEvery, 100.0);
-    near += some.near.count;
-    far += some.far.count;
-  }
-  EXPECT_EQ(near, all.near.count);
-  EXPECT_EQ(far, all.far.count);
-}
-
 TEST(Observe, HasTheSameBytesOnEveryTarget) {
   const View view = look_at_a_tube(true);
   const auto bytes = [&] {

@@ -141,10 +141,8 @@ HWY_INLINE void ChooseVector(const PixelChoice& choice, const PredictedPixels& p
 void ChoosePixels(const PixelChoice& choice, const PredictedPixels& pixels, ChosenPixels& chosen) {
   chosen.count = 0;
   for (std::size_t k = 0; k < pixels.rows.size(); ++k) {
-    if (pixels.rows[k].v % choice.rows.every != choice.rows.first) continue;
     const std::size_t end = pixels.end_of_row(k);
-    for (std::size_t i = pixels.rows[k].begin; i < end; i += hn::Lanes(D()))
-      ChooseVector(choice, pixels, i, end, chosen);
+    for (std::size_t i = pixels.rows[k]; i < end; i += hn::Lanes(D())) ChooseVector(choice, pixels, i, end, chosen);
   }
 }
 

@@ -22,12 +22,6 @@ struct ChosenPixels {
   void make_room(std::size_t pixels);
 };
 
-/// Of the rows of the image every so manieth, the first of them at `first`.
-struct SomeRows {
-  int every = 1;
-  int first = 0;
-};
-
 /// Which pixels are chosen: readings within near_m or far_m, each with so many σ more, of the prediction.
 struct PixelChoice {
   const float* depth_m = nullptr;  ///< the map's readings, a cell each; none at 0 and below
@@ -41,7 +35,6 @@ struct PixelChoice {
   float t_begin = 0.0F;
   float t_end = 0.0F;
   int stretches = 0;
-  SomeRows rows;
 };
 
 /// Of the pixels those that may be fitted, in their order.

@@ -22,13 +22,7 @@ constexpr double kSettled = 0.005;
 constexpr double kStale = 0.02;  // radii: so far a model may have moved from the one whose pixels were predicted
 // Radii: at rest the last pixels are taken again while the model is so near to theirs, far below the noise of a
 // reading.
-constexpr double kUnmoved = 0.005;
-// At rest, once so many frames are pooled, a frame is fitted by some of its rows, so many pixels at least, and by all
-// of them where those say that it may have moved: 6 degrees of freedom, one frame in twenty by chance.
-constexpr int kSureFrames = 30;
-constexpr std::size_t kEnoughPixels = 1500;
-constexpr std::size_t kFewestRows = 2;  // every second; of every fourth ends wander more
-constexpr double kMayMoveChi2 = 12.6;
+constexpr double kUnmoved = 0.002;
 
 /// The motion from where a model is to where the frame sees it; empty where it sees too little to tell.
 std::optional<MotionEstimate> motion_seen(const FollowedTube& tube, const TubeModel& model, const View& view) {
@@ -57,40 +51,16 @@ bool has_pixels_of(const FollowedTube& tube, const TubeModel& model) {
   return same_spans && one_radius && moved_m(of, model, tube.extent) <= kUnmoved * model.radius_m;
 }
 
-/// Every how manieth row of the frame says enough of a tube.
-int rows_to_fit(const FollowedTube& tube, const TrackerConfig& config) {
-  if (!tube.at_rest || tube.frames_pooled < kSureFrames || config.varying_radius) return 1;
-  return static_cast<int>(std::clamp(tube.pixels.size() / kEnoughPixels, std::size_t{1}, kFewestRows));
-}
-
-/// At rest: does the frame, which some rows of are in `view`, see the tube where it was? Takes in the others where
-/// those alone don't say so. Empty where it sees too little to tell.
-std::optional<MotionEstimate> judge_at_rest(FollowedTube& tube, const HeightMap& map, const TrackerConfig& config,
-                                            const TubeModel& model, View& view, bool& rests) {
-  auto motion = motion_seen(tube, model, view);
-  const auto chi2 = [&] { return motion_chi2(model, *motion, tube.pooled.matrix); };
-  if (tube.fitted_every_row > 1 && !(motion && chi2() < kMayMoveChi2)) {
-    tube.fitted_every_row = 1;
-    view = view_of(tube, map, config, model, kFitGate, 0.5);
-    motion = motion_seen(tube, model, view);
-  }
-  rests = motion && chi2() < kRestChi2;
-  return motion;
-}
-
 /// Goes over from rest to motion and back. `model` starts where the tube is expected and ends where the frame sees it,
 /// or so near that one step of the fit goes there, with its pixels predicted and what the frame says of it in `view`.
 bool judge_motion(FollowedTube& tube, const HeightMap& map, const TrackerConfig& config, TubeModel& model,
                   double elapsed_s, View& view) {
   if (!tube.at_rest || !has_pixels_of(tube, model)) predict(tube, map, config, model);
-  tube.fitted_every_row = rows_to_fit(tube, config);
-  view = view_of(tube, map, config, model, kFitGate, 0.5, tube.fitted_every_row);
-  bool rests = false;
-  const auto first =
-      tube.at_rest ? judge_at_rest(tube, map, config, model, view, rests) : motion_seen(tube, model, view);
+  view = view_of(tube, map, config, model, kFitGate, 0.5);
+  const auto first = motion_seen(tube, model, view);
   if (!first) return false;
   if (tube.at_rest) {
-    if (rests) return true;
+    if (motion_chi2(model, *first, tube.pooled.matrix) < kRestChi2) return true;
     tube.at_rest = false;
     tube.frames_pooled = 0;
     tube.anchor = tube.model;

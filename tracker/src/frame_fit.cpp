@@ -37,12 +37,11 @@ void predict(FollowedTube& tube, const HeightMap& map, const TrackerConfig& conf
 }
 
 View view_of(const FollowedTube& tube, const HeightMap& map, const TrackerConfig& config, const TubeModel& model,
-             double near_radii, double far_radii, int every_row) {
+             double near_radii, double far_radii) {
   const Gates gates{near_radii * model.radius_m, far_radii * model.radius_m, 4.0};
   thread_local Sighting sighting;  // for its buffers
   observe(map, config.noise, model.spline, tube.pixels, gates,
-          {tube.extent.t_begin + tube.trim.at_begin, tube.extent.t_end - tube.trim.at_end},
-          {every_row, tube.frames_pooled % every_row}, sighting);
+          {tube.extent.t_begin + tube.trim.at_begin, tube.extent.t_end - tube.trim.at_end}, sighting);
   const bool free_radius = !fit_options(config, tube, nullptr).radius_m;
   View view{observed_equations(model, sighting.near, free_radius), {}, {}};
   if (config.varying_radius) view.readings = sighting.near;

@@ -22,10 +22,9 @@ struct View {
 };
 
 /// Of the stretch that is known, short of its ends: what lies there may be the end's own face, or what it touches. A
-/// short piece gives up a tenth at either end. `all` is empty where far_radii is no more than near_radii. With
-/// `every_row` above 1 of every so manieth row alone, in each frame of a tube's pool others.
+/// short piece gives up a tenth at either end. `all` is empty where far_radii is no more than near_radii.
 View view_of(const FollowedTube& tube, const HeightMap& map, const TrackerConfig& config, const TubeModel& model,
-             double near_radii, double far_radii, int every_row = 1);
+             double near_radii, double far_radii);
 
 /// One step from a model that is near, to `model` and the tube's `quality`. False where it breaks down.
 bool fit_once(FollowedTube& tube, const TrackerConfig& config, TubeModel& model, View view, const Information& prior,

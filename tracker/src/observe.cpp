@@ -31,7 +31,7 @@ float not_above(double value) {
 }  // namespace
 
 void observe(const HeightMap& map, const NoiseModel& noise, const Spline& spline, const PredictedPixels& pixels,
-             const Gates& gates, const Extent& extent, const SomeRows& rows, Sighting& sighting) {
+             const Gates& gates, const Extent& extent, Sighting& sighting) {
   const std::size_t stretches = (spline.control_m.size() - 3) * kStretchesPerSpan;
   const PixelChoice choice{map.depth_m.data(),
                            map.rays.data()->data(),
@@ -43,8 +43,7 @@ void observe(const HeightMap& map, const NoiseModel& noise, const Spline& spline
                            least_margin_px(noise),
                            not_below(extent.t_begin),
                            not_above(extent.t_end),
-                           static_cast<int>(stretches),
-                           rows};
+                           static_cast<int>(stretches)};
   ChosenPixels& chosen = sighting.chosen;
   choose_pixels(choice, pixels, chosen);
   sighting.near_next.assign(stretches, 0);

@@ -33,10 +33,6 @@ struct Sighting {
 
 /// The pixels must be predicted on this centreline. Buffers of `sighting` are used again.
 void observe(const HeightMap& map, const NoiseModel& noise, const Spline& spline, const PredictedPixels& pixels,
-             const Gates& gates, const Extent& extent, const SomeRows& rows, Sighting& sighting);
-inline void observe(const HeightMap& map, const NoiseModel& noise, const Spline& spline, const PredictedPixels& pixels,
-                    const Gates& gates, const Extent& extent, Sighting& sighting) {
-  observe(map, noise, spline, pixels, gates, extent, {}, sighting);
-}
+             const Gates& gates, const Extent& extent, Sighting& sighting);
 
 }  // namespace tubetrack

@@ -60,11 +60,10 @@ void start_pool(FollowedTube& tube) {
 void add_to_pool(FollowedTube& tube) {
   const double doubt = std::max(1.0, tube.quality.chi2_per_observation);
   if (++tube.frames_pooled > kMaxPooledFrames) {
-    // A frame that was fitted in part fades what is older by as much less.
-    const double factor = 1.0 - 1.0 / (kMaxPooledFrames * tube.fitted_every_row);
-    tube.pooled.matrix *= factor;
-    tube.pooled.vector *= factor;
-    fade(tube.drift, factor);
+    constexpr double kFactor = 1.0 - 1.0 / kMaxPooledFrames;
+    tube.pooled.matrix *= kFactor;
+    tube.pooled.vector *= kFactor;
+    fade(tube.drift, kFactor);
   }
   const Information observed{tube.quality.observed.matrix / doubt, tube.quality.observed.vector / doubt};
   tube.pooled.matrix += observed.matrix;

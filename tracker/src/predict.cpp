@@ -276,7 +276,7 @@ void predict_pixels(const HeightMap& map, const NoiseModel& noise, const TubeMod
     if (pixels.cell.size() < most + PredictedPixels::kSpare) pixels.make_room(most + most / 2);
     const std::size_t first = pixels.count;
     take_row(noise, in.fx_px, model.radius_m, touched.begin, touched.end, map.cell(0, v), stride, row, pixels);
-    if (pixels.count > first) pixels.rows.push_back({v, first});
+    if (pixels.count > first) pixels.rows.push_back(first);
   }
 }
 

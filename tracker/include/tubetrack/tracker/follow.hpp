@@ -58,7 +58,6 @@ struct FollowedTube {
   bool at_rest = true;
   Information pooled;                   ///< at rest: of all frames since it came to rest
   int frames_pooled = 0;                ///< at rest: how many; moving: frames since `anchor`
-  int fitted_every_row = 1;             ///< at rest: which rows of the last frame were fitted
   Drift drift;                          ///< at rest: of the same frames
   std::optional<double> held_radius_m;  ///< as FoundTube's
   double radius_information = 0.0;      ///< 1/m²
