@@ -243,7 +243,9 @@ void join_known(KnownTubes& known, HeightMap& map, const TrackerConfig& config, 
 void confirm_or_forget(KnownTubes& known, HeightMap& map, const TrackerConfig& config) {
   HiddenCells hidden;
   for (FollowedTube& tube : known.tubes) {
-    const bool now = tube.frames_followed <= kFramesOnTrial || tube.frames_followed % kFramesBetweenTrials == 0;
+    // Of tubes that were found together not all in one frame.
+    const bool its_turn = (tube.frames_followed + tube.id) % kFramesBetweenTrials == 0;
+    const bool now = tube.frames_followed <= kFramesOnTrial || its_turn;
     if (tube.state != TubeState::tracked || !now) continue;
     const SeenTube mine = seen(tube);
     hide_others(known.tubes, &tube, &mine, map, hidden);

@@ -22,108 +22,128 @@ namespace {
 
 namespace hn = hwy::HWY_NAMESPACE;
 
-// Gates are kept in doubles, so all of it goes by as many pixels as a vector holds of them.
-using DD = hn::CappedTag<double, 8>;
-using D = hn::Rebind<float, DD>;
-using DI = hn::Rebind<std::int32_t, DD>;
-using DU = hn::Rebind<std::uint32_t, DD>;
-using VD = hn::Vec<DD>;
+using D = hn::CappedTag<float, ChosenPixels::kSpare>;
+using DI = hn::Rebind<std::int32_t, D>;
+using DU = hn::Rebind<std::uint32_t, D>;
 using V = hn::Vec<D>;
 using VI = hn::Vec<DI>;
 
-HWY_INLINE VD Doubles(V value) {
-  return hn::PromoteTo(DD(), value);
+HWY_INLINE V Number(double value) {
+  return hn::Set(D(), static_cast<float>(value));
 }
 
-/// `depth_of_level_m`, step by step.
-HWY_INLINE VD DepthOfLevel(const DisparityLevels& levels, VD reading) {
-  const DD d;
+/// `depth_of_level_m` one by one, where `asked`.
+HWY_NOINLINE V DepthsOfLevels(const DisparityLevels& levels, V reading, hn::Mask<D> asked, V otherwise) {
+  const D d;
+  float readings[ChosenPixels::kSpare], depths[ChosenPixels::kSpare], wanted[ChosenPixels::kSpare];
+  hn::StoreU(reading, d, readings);
+  hn::StoreU(otherwise, d, depths);
+  hn::StoreU(hn::IfThenElseZero(asked, Number(1.0)), d, wanted);
+  for (std::size_t lane = 0; lane < hn::Lanes(d); ++lane) {
+    if (wanted[lane] != 0.0F) depths[lane] = static_cast<float>(depth_of_level_m(levels, readings[lane]));
+  }
+  return hn::LoadU(d, depths);
+}
+
+/// `depth_of_level_m`, step by step. In floats the number of a level is off by some hundred-thousandths, which is far
+/// less than how far a unit's ends are kept apart; the depth by some hundred-millionths. Readings half way between two
+/// levels are asked for in doubles.
+HWY_INLINE V DepthOfLevel(const DisparityLevels& levels, V reading) {
+  const D d;
   if (levels.per_level_m <= 0.0) return reading;
-  const VD per_level = hn::Set(d, levels.per_level_m);
-  const VD half = hn::Set(d, 0.5);
-  const VD lowest = hn::Sub(reading, hn::Set(d, 0.501 * levels.unit_m));
-  const VD number = hn::Max(hn::Set(d, 1.0), hn::Trunc(hn::Add(hn::Div(per_level, reading), half)));
-  const VD nearest = hn::Div(per_level, number);
-  const VD apart2 = hn::Set(d, 1.1 * levels.per_level_m * levels.unit_m);
+  const V per_level = Number(levels.per_level_m);
+  const V half = Number(0.5);
+  const V lowest = hn::Sub(reading, Number(0.501 * levels.unit_m));
+  const V levels_there = hn::Add(hn::Div(per_level, reading), half);
+  const V whole = hn::Trunc(levels_there);
+  const V nearest = hn::Div(per_level, hn::Max(Number(1.0), whole));
+  const V apart2 = Number(1.1 * levels.per_level_m * levels.unit_m);
   const auto too_near = hn::Le(lowest, hn::Zero(d));
   const auto one_level = hn::Gt(hn::Mul(nearest, nearest), apart2);
-  VD depth = nearest;
+  V depth = nearest;
   if (!hn::AllTrue(d, hn::Or(too_near, one_level))) {
-    const VD highest = hn::Add(reading, hn::Set(d, 0.499 * levels.unit_m));
-    const VD first = hn::Ceil(hn::Div(per_level, highest));
-    const VD last = hn::Floor(hn::Div(per_level, lowest));
-    const VD mean = hn::Mul(half, hn::Add(hn::Div(per_level, first), hn::Div(per_level, last)));
+    const V highest = hn::Add(reading, Number(0.499 * levels.unit_m));
+    const V first = hn::Ceil(hn::Div(per_level, highest));
+    const V last = hn::Floor(hn::Div(per_level, lowest));
+    const V mean = hn::Mul(half, hn::Add(hn::Div(per_level, first), hn::Div(per_level, last)));
     depth = hn::IfThenElse(hn::Or(one_level, hn::Lt(last, first)), nearest, mean);
   }
-  return hn::IfThenElse(too_near, reading, depth);
+  depth = hn::IfThenElse(too_near, reading, depth);
+  const V beyond = hn::Sub(levels_there, whole);
+  const auto half_way = hn::Lt(hn::Min(beyond, hn::Sub(Number(1.0), beyond)), Number(3e-4));
+  const auto in_doubt = hn::And(half_way, hn::Gt(reading, hn::Zero(d)));
+  return hn::AllFalse(d, in_doubt) ? depth : DepthsOfLevels(levels, reading, in_doubt, depth);
 }
 
-/// Are those from `i` on, as many as a vector holds, neighbours in a row of the image?
-HWY_INLINE bool AreNeighbours(const PredictedPixels& pixels, std::size_t i) {
-  const std::size_t last = i + hn::Lanes(DD()) - 1;
-  return last < pixels.count && pixels.cell[last] - pixels.cell[i] == last - i;
-}
-
-void ChoosePixels(const PixelChoice& choice, const PredictedPixels& pixels, ChosenPixels& chosen) {
+/// Readings and rays of the pixels from `i` on, of which `left` are wanted. What is behind those may be anything.
+HWY_INLINE void LoadReadings(const PixelChoice& choice, const PredictedPixels& pixels, std::size_t i, std::size_t left,
+                             V& measured, V& ray_x, V& ray_y) {
   const D d;
-  const DD dd;
+  const DI di;
+  const DU du;
+  const std::size_t lanes = hn::Lanes(d);
+  const std::uint32_t first = pixels.cell[i];
+  const std::size_t last = i + std::min(left, lanes) - 1;
+  // Mostly they are neighbours, and gathers take longer than all else.
+  if (pixels.cell[last] - first == last - i && first + lanes <= choice.cells) {
+    measured = hn::LoadU(d, choice.depth_m + first);
+    hn::LoadInterleaved2(d, choice.rays + std::size_t{2} * first, ray_x, ray_y);
+    return;
+  }
+  const VI cell = hn::IfThenElseZero(hn::FirstN(di, left), hn::BitCast(di, hn::LoadU(du, pixels.cell.data() + i)));
+  measured = hn::GatherIndex(d, choice.depth_m, cell);
+  ray_x = hn::GatherIndex(d, choice.rays, hn::Add(cell, cell));
+  ray_y = hn::GatherIndex(d, choice.rays + 1, hn::Add(cell, cell));
+}
+
+/// The same for a vector of pixels from `i` on, of which those before `end` are wanted.
+HWY_INLINE void ChooseVector(const PixelChoice& choice, const PredictedPixels& pixels, std::size_t i, std::size_t end,
+                             ChosenPixels& chosen) {
+  const D d;
   const DI di;
   const DU du;
   const V zero = hn::Zero(d);
-  const VD one = hn::Set(dd, 1.0);
-  const int span_count = choice.stretches / kStretchesPerSpan;
-  const V spans = hn::Set(d, static_cast<float>(span_count));
-  std::size_t count = 0;
-  for (std::size_t i = 0; i < pixels.count; i += hn::Lanes(dd)) {
-    const V t = hn::LoadU(d, pixels.t.data() + i);
-    const auto here = hn::And(hn::FirstN(d, pixels.count - i),
-                              hn::And(hn::Ge(t, hn::Set(d, choice.t_begin)), hn::Le(t, hn::Set(d, choice.t_end))));
-    const auto seen = hn::And(hn::Ge(hn::LoadU(d, pixels.cos_incidence.data() + i), hn::Set(d, kCos75)),
-                              hn::Ge(hn::LoadU(d, pixels.margin_px.data() + i), hn::Set(d, choice.least_margin_px)));
-    const auto wanted = hn::And(here, seen);
-    if (hn::AllFalse(d, wanted)) continue;
-    V measured, direction_x, direction_y;
-    if (AreNeighbours(pixels, i)) {  // gathers take longer than all else
-      measured = hn::LoadU(d, choice.depth_m + pixels.cell[i]);
-      hn::LoadInterleaved2(d, choice.rays + std::size_t{2} * pixels.cell[i], direction_x, direction_y);
-    } else {
-      // What lies behind the last pixel may be anything.
-      const VI cell =
-          hn::IfThenElseZero(hn::RebindMask(di, wanted), hn::BitCast(di, hn::LoadU(du, pixels.cell.data() + i)));
-      measured = hn::GatherIndex(d, choice.depth_m, cell);
-      direction_x = hn::GatherIndex(d, choice.rays, hn::Add(cell, cell));
-      direction_y = hn::GatherIndex(d, choice.rays + 1, hn::Add(cell, cell));
-    }
-    const V sigma = hn::LoadU(d, pixels.sigma_m.data() + i);
-    const VD depth =
-        hn::Sub(DepthOfLevel(choice.levels, Doubles(measured)), Doubles(hn::LoadU(d, pixels.jitter_bias_m.data() + i)));
-    const VD off = hn::Abs(hn::Sub(depth, Doubles(hn::LoadU(d, pixels.depth_m.data() + i))));
-    const VD noise = hn::Mul(hn::Set(dd, choice.sigmas), Doubles(sigma));
-    const auto within = [&](double gate_m) HWY_ATTR {
-      const auto inside = hn::Le(off, hn::Add(hn::Set(dd, gate_m), noise));
-      return hn::Gt(hn::DemoteTo(d, hn::IfThenElseZero(inside, one)), zero);
-    };
-    const auto keep = hn::And(hn::And(wanted, hn::Gt(measured, zero)), within(choice.far_m));
-    if (hn::AllFalse(d, keep)) continue;
-    const auto is_near = hn::RebindMask(di, within(choice.near_m));
-    const V begun = hn::Max(t, zero);
-    const VI whole = hn::ConvertTo(di, hn::Mul(begun, hn::Set(d, static_cast<float>(kStretchesPerSpan))));
-    const VI stretch = hn::Min(whole, hn::Set(di, choice.stretches - 1));
-    const VI span =
-        hn::ConvertTo(di, hn::Mul(hn::ConvertTo(d, stretch), hn::Set(d, 1.0F / static_cast<float>(kStretchesPerSpan))));
-    const VI place = hn::Add(hn::Add(stretch, stretch), hn::IfThenElseZero(is_near, hn::Set(di, 1)));
-    const V s = hn::Sub(hn::Min(begun, spans), hn::ConvertTo(d, span));
-    const V depth_m = hn::DemoteTo(d, depth);
-    const V weight = hn::Div(hn::Set(d, 1.0F), hn::Mul(sigma, sigma));
-    const bool all = hn::AllTrue(d, keep);  // as mostly
-    const auto kept = [&](V value) HWY_ATTR { return all ? value : hn::Compress(value, keep); };
-    hn::StoreU(hn::Compress(hn::BitCast(du, place), hn::RebindMask(du, keep)), du, chosen.place.data() + count);
-    hn::StoreInterleaved4(kept(hn::Mul(depth_m, direction_x)), kept(hn::Mul(depth_m, direction_y)), kept(depth_m),
-                          kept(weight), d, &chosen.points[count].x);
-    hn::StoreInterleaved4(kept(direction_x), kept(direction_y), hn::Set(d, 1.0F), kept(s), d, &chosen.rays[count].x);
-    count += hn::CountTrue(d, keep);
+  const V t = hn::LoadU(d, pixels.t.data() + i);
+  const auto here = hn::And(hn::FirstN(d, end - i),
+                            hn::And(hn::Ge(t, hn::Set(d, choice.t_begin)), hn::Le(t, hn::Set(d, choice.t_end))));
+  const auto seen = hn::And(hn::Ge(hn::LoadU(d, pixels.cos_incidence.data() + i), hn::Set(d, kCos75)),
+                            hn::Ge(hn::LoadU(d, pixels.margin_px.data() + i), hn::Set(d, choice.least_margin_px)));
+  const auto wanted = hn::And(here, seen);
+  if (hn::AllFalse(d, wanted)) return;
+  V measured, direction_x, direction_y;
+  LoadReadings(choice, pixels, i, end - i, measured, direction_x, direction_y);
+  const V sigma = hn::LoadU(d, pixels.sigma_m.data() + i);
+  const V depth_m = hn::Sub(DepthOfLevel(choice.levels, measured), hn::LoadU(d, pixels.jitter_bias_m.data() + i));
+  const V off = hn::Abs(hn::Sub(depth_m, hn::LoadU(d, pixels.depth_m.data() + i)));
+  const V noise = hn::Mul(hn::Set(d, choice.sigmas), sigma);
+  const auto is_far = hn::Le(off, hn::Add(hn::Set(d, choice.far_m), noise));
+  const auto keep = hn::And(hn::And(wanted, hn::Gt(measured, zero)), is_far);
+  if (hn::AllFalse(d, keep)) return;
+  const auto is_near = hn::RebindMask(di, hn::Le(off, hn::Add(hn::Set(d, choice.near_m), noise)));
+  const V begun = hn::Max(t, zero);
+  const VI whole = hn::ConvertTo(di, hn::Mul(begun, hn::Set(d, static_cast<float>(kStretchesPerSpan))));
+  const VI stretch = hn::Min(whole, hn::Set(di, choice.stretches - 1));
+  const VI span = hn::ConvertTo(di, hn::Mul(hn::ConvertTo(d, stretch), Number(1.0 / kStretchesPerSpan)));
+  const VI place = hn::Add(hn::Add(stretch, stretch), hn::IfThenElseZero(is_near, hn::Set(di, 1)));
+  const V spans = hn::Set(d, static_cast<float>(choice.stretches / kStretchesPerSpan));
+  const V s = hn::Sub(hn::Min(begun, spans), hn::ConvertTo(d, span));
+  const V weight = hn::Div(hn::Set(d, 1.0F), hn::Mul(sigma, sigma));
+  const bool all = hn::AllTrue(d, keep);  // as mostly
+  const auto kept = [&](V value) HWY_ATTR { return all ? value : hn::Compress(value, keep); };
+  const std::size_t count = chosen.count;
+  hn::StoreU(hn::Compress(hn::BitCast(du, place), hn::RebindMask(du, keep)), du, chosen.place.data() + count);
+  hn::StoreInterleaved4(kept(hn::Mul(depth_m, direction_x)), kept(hn::Mul(depth_m, direction_y)), kept(depth_m),
+                        kept(weight), d, &chosen.points[count].x);
+  hn::StoreInterleaved4(kept(direction_x), kept(direction_y), hn::Set(d, 1.0F), kept(s), d, &chosen.rays[count].x);
+  chosen.count = count + hn::CountTrue(d, keep);
+}
+
+void ChoosePixels(const PixelChoice& choice, const PredictedPixels& pixels, ChosenPixels& chosen) {
+  chosen.count = 0;
+  for (std::size_t k = 0; k < pixels.rows.size(); ++k) {
+    const std::size_t end = pixels.end_of_row(k);
+    for (std::size_t i = pixels.rows[k]; i < end; i += hn::Lanes(D())) ChooseVector(choice, pixels, i, end, chosen);
   }
-  chosen.count = count;
 }
 
 }  // namespace
@@ -139,6 +159,11 @@ HWY_EXPORT(ChoosePixels);
 void ChosenPixels::make_room(std::size_t pixels) {
   const std::size_t room = pixels + kSpare;
   if (place.size() >= room) return;
+  // More than is asked for, as for predicted pixels: their number grows and shrinks.
+  const std::size_t reserved = std::max(room, std::size_t{16384});
+  place.reserve(reserved);
+  points.reserve(reserved);
+  rays.reserve(reserved);
   place.resize(room);
   points.resize(room);
   rays.resize(room);

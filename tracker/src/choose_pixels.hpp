@@ -26,10 +26,11 @@ struct ChosenPixels {
 struct PixelChoice {
   const float* depth_m = nullptr;  ///< the map's readings, a cell each; none at 0 and below
   const float* rays = nullptr;     ///< the map's rays, x and y of each cell
+  std::size_t cells = 0;           ///< of the map
   DisparityLevels levels;
-  double near_m = 0.0;
-  double far_m = 0.0;
-  double sigmas = 0.0;
+  float near_m = 0.0F;
+  float far_m = 0.0F;
+  float sigmas = 0.0F;
   float least_margin_px = 0.0F;
   float t_begin = 0.0F;
   float t_end = 0.0F;

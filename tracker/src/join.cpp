@@ -121,10 +121,16 @@ std::optional<FoundTube> join_pieces(const HeightMap& map, const TrackerConfig& 
 
 bool same_tube(const TubeModel& a, const Extent& a_extent, const TubeModel& b, const Extent& b_extent) {
   constexpr int kSamples = 20;
+  // The line lies between its control points: what is away from them all is away from it. Most tubes are.
+  Eigen::AlignedBox3d box;
+  for (const Eigen::Vector3d& control : b.spline.control_m) box.extend(control);
+  const double reach_m = 0.7 * b.radius_m + 1e-6;
+  box = {box.min().array() - reach_m, box.max().array() + reach_m};
   int inside = 0;
   for (int i = 0; i < kSamples; ++i) {
     const double t = a_extent.t_begin + (a_extent.t_end - a_extent.t_begin) * (i + 0.5) / kSamples;
     const Eigen::Vector3d point = point_at(a.spline, t);
+    if (!box.contains(point)) continue;
     for (double s = b_extent.t_begin; s <= b_extent.t_end; s += 0.25) {
       if ((point - point_at(b.spline, s)).norm() < 0.7 * b.radius_m) {
         ++inside;

@@ -27,7 +27,7 @@ struct Sighting {
   SortedObservations near, far;
   // Scratch of `observe`.
   ChosenPixels chosen;
-  RecycledVector<Eigen::Vector3f> origin_m;  ///< of each span
+  RecycledVector<ObservedPoint> origin_m;  ///< of each span, without weight
   RecycledVector<std::size_t> near_next, far_next;
 };
 

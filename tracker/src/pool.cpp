@@ -115,13 +115,14 @@ void transform(FollowedTube& tube, const Eigen::Isometry3d& new_from_old) {
   move_model(tube.drift.anchor);
   const Eigen::Matrix3d rotation = new_from_old.linear();
   const auto turn_blocks = [&](RecycledMatrix& matrix) {
-    for (Eigen::Index k = 0; k + 3 <= matrix.rows(); k += 3) {
-      const RecycledMatrix rows = matrix.middleRows<3>(k);
-      matrix.middleRows<3>(k).noalias() = rotation * rows;
-    }
-    for (Eigen::Index k = 0; k + 3 <= matrix.cols(); k += 3) {
-      const RecycledMatrix columns = matrix.middleCols<3>(k);
-      matrix.middleCols<3>(k).noalias() = columns * rotation.transpose();
+    const Eigen::Index last = matrix.rows() - 1;
+    for (Eigen::Index row = 0; row < last; row += 3) {
+      for (Eigen::Index col = 0; col < last; col += 3) {
+        auto block = matrix.block<3, 3>(row, col);
+        if ((block.array() != 0.0).any()) block = (rotation * Eigen::Matrix3d(block) * rotation.transpose()).eval();
+      }
+      matrix.block<3, 1>(row, last) = rotation * Eigen::Vector3d(matrix.block<3, 1>(row, last));
+      matrix.block<1, 3>(last, row) = Eigen::RowVector3d(matrix.block<1, 3>(last, row)) * rotation.transpose();
     }
   };
   const auto carry = [&](Information& information) {

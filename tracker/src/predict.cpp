@@ -267,13 +267,16 @@ void predict_pixels(const HeightMap& map, const NoiseModel& noise, const TubeMod
   const bool distorted = in.has_distortion();
   if (!distorted) take_rays(map, false, 0, stride, {0, divided_up(in.width, stride)}, row);
   pixels.count = 0;
+  pixels.rows.clear();
   for (int v = divided_up(rows.begin, stride) * stride; v < rows.end; v += stride) {
     row.same_y = distorted ? std::nullopt : std::optional<float>(map.rays[map.cell(0, v)].y());
     const Range touched = intersect_all(map, distorted, outlined, v, stride, row);
     if (touched.begin >= touched.end) continue;
     const std::size_t most = pixels.count + static_cast<std::size_t>(touched.end - touched.begin);
     if (pixels.cell.size() < most + PredictedPixels::kSpare) pixels.make_room(most + most / 2);
+    const std::size_t first = pixels.count;
     take_row(noise, in.fx_px, model.radius_m, touched.begin, touched.end, map.cell(0, v), stride, row, pixels);
+    if (pixels.count > first) pixels.rows.push_back(first);
   }
 }
 

@@ -34,8 +34,11 @@ struct ShapeSums {
 };
 
 /// How far a reading may stray and still be this tube's.
+inline double agreement_m(const TubeModel& model, float sigma_m) {
+  return 3.5 * sigma_m + 0.05 * model.radius_m;
+}
 inline double agreement_m(const TubeModel& model, const PredictedPixel& pixel) {
-  return 3.5 * pixel.sigma_m + 0.05 * model.radius_m;
+  return agreement_m(model, pixel.sigma_m);
 }
 
 /// A reading of the tube or of what may stand in its place.

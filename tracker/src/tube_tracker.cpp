@@ -70,10 +70,13 @@ void choose_rows(int turn, int height, SurfelOptions& options) {
 /// Marks the cells in which a tube is seen.
 void explain(const HeightMap& map, const FollowedTube& tube, std::vector<std::uint8_t>& explained) {
   if (tube.state != TubeState::tracked) return;
-  for (const PredictedPixel& pixel : tube.pixels) {
-    const float off = std::abs(map.depth_m[pixel.cell] - pixel.depth_m);
-    const bool in_extent = pixel.t >= tube.extent.t_begin && pixel.t <= tube.extent.t_end;
-    if (in_extent && off < 0.5 * tube.model.radius_m + 4.0F * pixel.sigma_m) explained[pixel.cell] = 1;
+  const PredictedPixels& pixels = tube.pixels;
+  const double near_m = 0.5 * tube.model.radius_m;
+  for (std::size_t i = 0; i < pixels.size(); ++i) {
+    const std::uint32_t cell = pixels.cell[i];
+    const float off = std::abs(map.depth_m[cell] - pixels.depth_m[i]);
+    const bool in_extent = (pixels.t[i] >= tube.extent.t_begin) & (pixels.t[i] <= tube.extent.t_end);
+    if (in_extent & (off < near_m + 4.0F * pixels.sigma_m[i])) explained[cell] = 1;
   }
 }
 

@@ -40,12 +40,15 @@ struct PredictedPixel {
 struct PredictedPixels {
   static constexpr std::size_t kSpare = 16;
 
+  RecycledVector<std::size_t> rows;  ///< where those of each row of the image begin
   RecycledVector<std::uint32_t> cell;
   RecycledVector<float> depth_m, t, cos_incidence, lateral, axis_depth_m, across, margin_px, jitter_bias_m, sigma_m;
   std::size_t count = 0;
 
   std::size_t size() const { return count; }
   bool empty() const { return count == 0; }
+  /// Behind the last pixel of the k-th of the rows.
+  std::size_t end_of_row(std::size_t k) const { return k + 1 < rows.size() ? rows[k + 1] : count; }
   PredictedPixel operator[](std::size_t i) const {
     return {cell[i],         depth_m[i], t[i],         cos_incidence[i], lateral[i],
             axis_depth_m[i], across[i],  margin_px[i], jitter_bias_m[i], sigma_m[i]};
