@@ -8,6 +8,7 @@
 
 #include "confidence.hpp"
 #include "hide.hpp"
+#include "shape_sums.hpp"
 #include "tubetrack/tracker/join.hpp"
 #include "tubetrack/tracker/recycled.hpp"
 
@@ -82,6 +83,14 @@ FoundTube as_found(const FollowedTube& tube, const HeightMap& map, const Tracker
   return found;
 }
 
+/// What tells where a tube runs and how thick it is. What the image says of it costs as much as a fit.
+FoundTube without_evidence(const FollowedTube& tube) {
+  FoundTube found{tube.model, tube.extent, {}, {}, {}, tube.held_radius_m};
+  found.quality.radius_sigma_m = tube.quality.radius_sigma_m;
+  found.evidence.length_m = arc_length_m(tube.model.spline, tube.extent.t_begin, tube.extent.t_end);
+  return found;
+}
+
 /// Joins pieces among themselves until no two belong together.
 void join_all(RecycledVector<FoundTube>& found, const HeightMap& map, const TrackerConfig& config) {
   for (std::size_t i = 0; i < found.size(); ++i) {
@@ -112,7 +121,7 @@ void go_on_from(FollowedTube& tube, FoundTube found, const HeightMap& map, const
 bool join_to_known(KnownTubes& known, const FoundTube& piece, const HeightMap& map, const TrackerConfig& config,
                    double timestamp_s) {
   for (FollowedTube& tube : known.tubes) {
-    if (tube.state != TubeState::tracked) continue;
+    if (tube.state != TubeState::tracked || !run_on(without_evidence(tube), piece)) continue;
     auto joined = join_pieces(map, config, as_found(tube, map, config), piece);
     if (!joined) continue;
     go_on_from(tube, std::move(*joined), map, config, timestamp_s);
@@ -155,11 +164,10 @@ void come_back(FollowedTube& tube, FoundTube found, const HeightMap& map, const 
 }
 
 /// Can one frame tell it from a finger or a forearm? Of these a short piece shows little taper, or turns at a joint.
-bool sure_at_once(const FoundTube& found) {
-  const Evidence& e = found.evidence;
-  const double length_radii = e.length_m / found.model.radius_m;
+bool sure_at_once(const TubeModel& model, const Extent& extent, const Evidence& e) {
+  const double length_radii = e.length_m / model.radius_m;
   // The ends are left out: their own faces, or what they stand on, bend a fit into a hook.
-  const double bend_radii = min_bend_radii(found.model, {found.extent.t_begin + kHook, found.extent.t_end - kHook});
+  const double bend_radii = min_bend_radii(model, {extent.t_begin + kHook, extent.t_end - kHook});
   const bool turns = length_radii < 3.8 && bend_radii < 6.5 && length_radii / bend_radii > 0.45;
   return e.taper_sigma < kSureTaper && !turns;
 }
@@ -169,10 +177,10 @@ void take_in_fresh(KnownTubes& known, FoundTube found, const HeightMap& map, con
                    double timestamp_s) {
   FollowedTube fresh = start_following(std::move(found), map, config, timestamp_s, known.next_id);
   // Lengthened along all that the image confirms it may turn out to be none: a forearm's taper shows over its length.
-  const FoundTube whole = as_found(fresh, map, config);
-  if (why_no_tube(whole.evidence, whole.model.radius_m, config)) return;
+  const Evidence evidence = gather_evidence(map, config.noise, fresh.model, fresh.pixels, fresh.extent);
+  if (why_no_tube(evidence, fresh.model.radius_m, config)) return;
   ++known.next_id;
-  fresh.confirmed = known.first_frame && sure_at_once(whole);
+  fresh.confirmed = known.first_frame && sure_at_once(fresh.model, fresh.extent, evidence);
   fresh.standing = fresh.confirmed ? 2 : 0;
   pool_without_ends(fresh, map, config);
   known.tubes.push_back(std::move(fresh));

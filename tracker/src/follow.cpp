@@ -30,18 +30,6 @@ std::optional<MotionEstimate> motion_seen(const FollowedTube& tube, const TubeMo
   return estimate_motion(model, view.all.matrix, view.all.right, tube.radius_information);
 }
 
-/// How far a step took what is in sight.
-double moved_m(const TubeModel& from, const TubeModel& to, const Extent& extent) {
-  constexpr double kSteps = 16;
-  double farthest = 0.0;
-  for (double i = 0; i <= kSteps; ++i) {
-    const double t = extent.t_begin + (extent.t_end - extent.t_begin) * i / kSteps;
-    farthest = std::max({farthest, std::abs(radius_at(to, t) - radius_at(from, t)),
-                         (point_at(to.spline, t) - point_at(from.spline, t)).norm()});
-  }
-  return farthest;
-}
-
 /// Are the tube's pixels, along what is in sight, nearly those of a model?
 bool has_pixels_of(const FollowedTube& tube, const TubeModel& model) {
   const TubeModel& of = tube.predicted;

@@ -6,6 +6,8 @@
 #include <cmath>
 
 #include "fit_steps.hpp"
+#include "line_ends.hpp"
+#include "motion.hpp"
 #include "observe.hpp"
 #include "shape_sums.hpp"
 #include "tubetrack/tracker/recycled.hpp"
@@ -146,14 +148,17 @@ struct Rounds {
   int at_most = 40;
   double max_gap_radii = 4.0;  ///< hidden stretches that it may cross
   double suppleness = 1.0;
-  double length_m = 0.0;  ///< what it was found to be before
+  /// What it was found to be before: it is settled then as soon as a fit hardly moves it. Not what grows from a seed:
+  /// an end that is seen little, behind a gap, comes to its place by small steps.
+  double length_m = 0.0;
 };
 
 /// Looks how far the image confirms the tube, fits to that part alone, lengthens or shortens it, until it stays. What
 /// is not confirmed yet (the table under a can, its lid) must not pull at the fit.
 std::optional<FoundTube> grow_until_settled(const HeightMap& map, const TrackerConfig& config, TubeModel model,
                                             int stride, const Rounds& rounds) {
-  constexpr int kMaxSwings = 4;  // a tube that was followed too far comes back once
+  constexpr double kCalm = 0.01;  // radii, below the noise of a fit
+  constexpr int kMaxSwings = 4;   // a tube that was followed too far comes back once
   FoundTube found;
   found.model = std::move(model);
   FitOptions options;
@@ -173,7 +178,9 @@ std::optional<FoundTube> grow_until_settled(const HeightMap& map, const TrackerC
     // A short piece can't tell a bend from what lies beside it.
     const double confirmed_m = length_of(found);
     options.suppleness = confirmed_m < 4.0 * found.model.radius_m ? 0.05 : rounds.suppleness;
-    options.want_covariance = stride == 1;
+    options.want_covariance = stride == 1 && (round > 0 || rounds.length_m > 0.0);  // may be the last
+    const TubeModel before = found.model;
+    const Extent fitted = found.extent;
     auto quality = fit_tube(found.model, sighting.near, options);
     if (!quality) return std::nullopt;
     found.quality = std::move(*quality);
@@ -181,7 +188,10 @@ std::optional<FoundTube> grow_until_settled(const HeightMap& map, const TrackerC
     const double length_m = length_of(found);
     const bool settled = std::abs(length_m - length_before_m) < 0.1 * found.model.radius_m;
     if (round > 3 && length_m < length_before_m - found.model.radius_m && ++swings == kMaxSwings) return std::nullopt;
-    if ((settled && round >= rounds.before_settled) || round + 1 == rounds.at_most) break;
+    const auto calm = [&] {
+      return rounds.length_m > 0.0 && moved_m(before, found.model, fitted) < kCalm * found.model.radius_m;
+    };
+    if ((settled && (round >= rounds.before_settled || calm())) || round + 1 == rounds.at_most) break;
     length_before_m = length_m;
     reach_beyond(found.model.spline, found.extent);
     if (spacing_m(found.model.spline) < 1e-4) return std::nullopt;
@@ -266,6 +276,7 @@ std::optional<FoundTube> grow_tube(const HeightMap& map, const TrackerConfig& co
 void go_on_behind(const HeightMap& map, const TrackerConfig& config, FoundTube& tube) {
   TubeModel longer = tube.model;
   cut_to(longer.spline, tube.extent);
+  if (!may_go_on(map, config.noise, longer, growing_stride(map, longer))) return;
   for (int i = 0; i < kHiddenSpans; ++i) extend(longer.spline, true, true);
   constexpr double kGapRadii = kHiddenSpans * kKnotSpacingRadii;
   const int stride = growing_stride(map, longer);
@@ -297,7 +308,7 @@ void go_on_behind(const HeightMap& map, const TrackerConfig& config, FoundTube& 
 void fit_again(const HeightMap& map, const TrackerConfig& config, FoundTube& tube) {
   TrackerConfig held = config;
   if (tube.held_radius_m) held.radius_m = tube.held_radius_m;
-  const Rounds rounds{2, 4, kHiddenSpans * kKnotSpacingRadii, 1.0};
+  const Rounds rounds{2, 4, kHiddenSpans * kKnotSpacingRadii, 1.0, length_of(tube)};
   auto again = grow_until_settled(map, held, tube.model, 1, rounds);
   if (!again || again->evidence.length_m < 0.8 * tube.evidence.length_m) return;
   look_beside(map, config.noise, again->model, again->extent, again->evidence);

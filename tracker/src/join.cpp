@@ -82,6 +82,10 @@ bool refuted(const RecycledVector<Station>& stations, const Extent& extent) {
 
 }  // namespace
 
+bool run_on(const FoundTube& a, const FoundTube& b) {
+  return !a.held_radius_m && !b.held_radius_m && like_radii(a, b, 0.04) && !one_line(a, b).empty();
+}
+
 std::optional<FoundTube> join_pieces(const HeightMap& map, const TrackerConfig& config, const FoundTube& a,
                                      const FoundTube& b) {
   if (a.held_radius_m || b.held_radius_m || !like_radii(a, b, 0.04)) return std::nullopt;

@@ -28,6 +28,18 @@ double seen_at_once(double from, double to, Stations begin, Stations end) {
   return std::abs(to - from);
 }
 
+/// The last span of a line at an end, and so many beyond it.
+Spline beyond_end(const Spline& line, bool front, int spans) {
+  Spline end;
+  const auto& q = line.control_m;
+  if (front)
+    end.control_m.assign(q.begin(), q.begin() + 4);
+  else
+    end.control_m.assign(q.end() - 4, q.end());
+  for (int i = 0; i < spans; ++i) extend(end, front, !front);
+  return end;
+}
+
 }  // namespace
 
 void continue_from(Spline& spline, double t_begin, double t_end) {
@@ -68,6 +80,25 @@ EndTrim trim_of(const Spline& spline, const RecycledVector<Station>& stations, c
   };
   return {at(seen_at_once(extent.t_begin, extent.t_end, stations.begin(), stations.end()), faces.at_begin),
           at(seen_at_once(extent.t_end, extent.t_begin, stations.rbegin(), stations.rend()), faces.at_end)};
+}
+
+bool may_go_on(const HeightMap& map, const NoiseModel& noise, const TubeModel& model, int stride) {
+  constexpr int kSpans = 3;
+  constexpr int kRefuted = 4;  // stations; with three in a row `seen_extent` ends
+  if (!model.profile.offset_m.empty()) return true;
+  PredictedPixels pixels;
+  for (const bool front : {false, true}) {
+    const TubeModel end{beyond_end(model.spline, front, kSpans), model.radius_m};
+    predict_pixels(map, noise, end, stride, pixels);
+    int refuted = 0;
+    for (const Station& station : stations_of(map, end, pixels, stride * station_length_m(map, end))) {
+      const double beyond = front ? kSpans - station.t : station.t - 1.0;
+      if (beyond > 0.8 && station.seen()) return true;
+      refuted += beyond > 0.0 && station.refuted() ? 1 : 0;
+    }
+    if (refuted < kRefuted) return true;
+  }
+  return false;
 }
 
 }  // namespace tubetrack

@@ -3,6 +3,7 @@
 #include <Eigen/Cholesky>
 #include <Eigen/Geometry>
 #include <algorithm>
+#include <cmath>
 
 #include "tubetrack/tracker/recycled.hpp"
 
@@ -14,6 +15,17 @@ using Matrix6 = Eigen::Matrix<double, 6, 6>;
 using Matrix7 = Eigen::Matrix<double, 7, 7>;
 
 }  // namespace
+
+double moved_m(const TubeModel& from, const TubeModel& to, const Extent& extent) {
+  constexpr double kSteps = 16;
+  double farthest = 0.0;
+  for (double i = 0; i <= kSteps; ++i) {
+    const double t = extent.t_begin + (extent.t_end - extent.t_begin) * i / kSteps;
+    farthest = std::max({farthest, std::abs(radius_at(to, t) - radius_at(from, t)),
+                         (point_at(to.spline, t) - point_at(from.spline, t)).norm()});
+  }
+  return farthest;
+}
 
 Eigen::Vector3d middle_of(const TubeModel& model) {
   Eigen::Vector3d sum = Eigen::Vector3d::Zero();

@@ -21,6 +21,9 @@ inline Twist during(const TubeVelocity& velocity, double elapsed_s) {
 
 void move(TubeModel& model, const Twist& twist);
 
+/// How far a step took what is in sight, along the line or in radius.
+double moved_m(const TubeModel& from, const TubeModel& to, const Extent& extent);
+
 /// Mean of the control points: what a tube turns about.
 Eigen::Vector3d middle_of(const TubeModel& model);
 

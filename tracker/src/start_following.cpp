@@ -36,6 +36,13 @@ void lengthen(FollowedTube& tube, const HeightMap& map, const TrackerConfig& con
   }
 }
 
+/// Does the image confirm it beyond its extent? Where nothing shows before it is fitted there, nothing does after.
+bool goes_on(const FollowedTube& tube) {
+  constexpr double kLeast = 0.1;  // spans; `lengthen` asks for more in a round
+  const Extent confirmed = confirmed_extent(tube.stations, tube.extent);
+  return std::max(tube.extent.t_begin - confirmed.t_begin, confirmed.t_end - tube.extent.t_end) > kLeast;
+}
+
 double length_m(const FollowedTube& tube) {
   return (tube.extent.t_end - tube.extent.t_begin) * kKnotSpacingRadii * tube.model.radius_m;
 }
@@ -66,9 +73,11 @@ FollowedTube start_following(FoundTube found, const HeightMap& map, const Tracke
   tube.stations = stations_of(map, tube.model, tube.pixels, station_length_m(map, tube.model));
   tube.trim = trim_of(tube.model.spline, tube.stations, tube.extent);
   // A little more at an end may be the foot of a can or the table that it stands on; much more is tube.
-  FollowedTube longer = tube;
-  lengthen(longer, map, config, found.joined ? 3 : 1);
-  if (found.joined || length_m(longer) - length_m(tube) > 2.0 * tube.model.radius_m) tube = std::move(longer);
+  if (found.joined || goes_on(tube)) {
+    FollowedTube longer = tube;
+    lengthen(longer, map, config, found.joined ? 3 : 1);
+    if (found.joined || length_m(longer) - length_m(tube) > 2.0 * tube.model.radius_m) tube = std::move(longer);
+  }
   tube.last_seen_s = timestamp_s;
   pool_first_frame(tube);
   return tube;

@@ -12,6 +12,10 @@ namespace tubetrack {
 std::optional<FoundTube> join_pieces(const HeightMap& map, const TrackerConfig& config, const FoundTube& a,
                                      const FoundTube& b);
 
+/// Does one's end run on into the other's, with a radius alike? Without it they are not joined; of their evidence only
+/// the length is asked.
+bool run_on(const FoundTube& a, const FoundTube& b);
+
 /// Two fits of one tube: the centreline of one runs inside the other for the most part.
 bool same_tube(const TubeModel& a, const Extent& a_extent, const TubeModel& b, const Extent& b_extent);
 
