@@ -41,17 +41,6 @@ RecycledVector<Eigen::Vector3d> smooth_part(const RecycledVector<TracePoint>& tr
   return line;
 }
 
-/// From a line that says where a tube runs, its course as far as fewer votes tell: each span that it has from the start
-/// is a round less to grow.
-void trace_on_both_ways(const AccumulationMap& votes, double radius_m, const TraceOptions& options,
-                        RecycledVector<Eigen::Vector3d>& line_m) {
-  if (line_m.size() <= 3) return;
-  for (int way = 0; way < 2; ++way) {
-    trace_on(votes, radius_m, kMinVotes, options, line_m);
-    std::reverse(line_m.begin(), line_m.end());
-  }
-}
-
 /// The radius votes come from, over the trace: the median of its points.
 double radius_of(RecycledVector<TracePoint> trace) {
   const auto middle = trace.begin() + static_cast<std::ptrdiff_t>(trace.size() / 2);
@@ -199,8 +188,7 @@ RecycledVector<FoundTube> find_tubes(AccumulationMap& votes, std::span<const Sur
     options.patch_half_m = 0.5 * options.step_m;
     const RecycledVector<TracePoint> trace = trace_both_ways(votes, peak, options);
     const double radius_m = config.radius_m.value_or(radius_of(trace));
-    Seed seed{center, axis_of(sum).direction, radius_m, smooth_part(trace, peak, radius_m)};
-    trace_on_both_ways(votes, radius_m, options, seed.line_m);
+    const Seed seed{center, axis_of(sum).direction, radius_m, smooth_part(trace, peak, radius_m)};
     watch.lap(times.trace_ms);
     if (!std::exchange(known_are_hidden, true)) hide_others(known, nullptr, nullptr, map, hidden);
     auto found = grow_tube(map, config, seed);
