@@ -37,7 +37,7 @@ void spread_hole_flags(const WordArea& area, WindowFits& out, std::vector<std::u
 }
 
 /// For each size of windows, the cells that have a bit of `from` in theirs.
-void spread_over_windows(const BitImage& from, const WordArea& area, BitImage Windows::*to, SpreadWork& work,
+void spread_over_windows(const BitImage& from, const WordArea& area, BitImage Windows::* to, SpreadWork& work,
                          WindowFits& out) {
   for (std::size_t size = 0; size < kWindowSizes; ++size) {
     const int half = kWindowHalfSizes_px[size];
