@@ -297,8 +297,8 @@ ScanEvidence look_at(std::span<const CellSurfel> surfels, const std::vector<Surf
 }
 
 void look_at_ends(std::span<const ScanSurfel> surfels, const ScanLine& line, double spacing_m, double scale_m,
-                  ScanEvidence& evidence) {
-  const auto [first, last] = best_run(evidence.stations);
+                  double min_arc_rad, ScanEvidence& evidence) {
+  auto [first, last] = best_run(evidence.stations);
   if (first > last) return;
   // Four stations inward, and as far again from the line as points_near looks.
   const double reach_m = 4.0 * line.model.radius_m;
@@ -315,8 +315,13 @@ void look_at_ends(std::span<const ScanSurfel> surfels, const ScanLine& line, dou
   constexpr double kApart = 0.05;
   const SurfelGrid grid = merged_by_cell(near, {}, kApart * spacing_m);
   const std::vector<SurfacePoint> points = points_near(grid, {}, line);
-  set_stretch(look_along(grid.surfels, points, line, scale_m, evidence.stations), first, last, line, spacing_m,
-              evidence);
+  const Look look = look_along(grid.surfels, points, line, scale_m, evidence.stations);
+  // The last surfels may lie in a station that the means of cells were not in.
+  std::vector<ScanStation> stations(evidence.stations.size());
+  set_arcs(gather(look, spacing_m, stations), min_arc_rad, stations);
+  if (first > 0 && stations[first - 1].seen) --first;
+  if (last + 1 < stations.size() && stations[last + 1].seen) ++last;
+  set_stretch(look, first, last, line, spacing_m, evidence);
 }
 
 bool is_certain(const ScanEvidence& evidence) {

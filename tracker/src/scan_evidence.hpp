@@ -41,7 +41,7 @@ ScanEvidence look_at(std::span<const CellSurfel> surfels, const std::vector<Surf
 /// The ends of the seen stretch once more, by all surfels of the scan near them: the mean of a cell does not tell where
 /// in it the surface ends. Arguments as `look_at`'s, which made the evidence.
 void look_at_ends(std::span<const ScanSurfel> surfels, const ScanLine& line, double spacing_m, double scale_m,
-                  ScanEvidence& evidence);
+                  double min_arc_rad, ScanEvidence& evidence);
 
 /// Beyond doubt: nearly all that is near agrees, and closely. The surfels of such a tube are not looked at again for
 /// other radii.

@@ -263,7 +263,9 @@ TubeFrame find_scan_tubes(std::span<const ScanSurfel> surfels, const ScanTubesCo
   watch.lap(searched_ms);  // search_octave has told
   std::vector<ScanTube> tubes = chosen(std::move(candidates), levels, config);
   join_pieces(tubes, levels, config);
-  for (ScanTube& tube : tubes) look_at_ends(surfels, tube.line, config.grid_step_m, tube.fit.scale_m, tube.evidence);
+  for (ScanTube& tube : tubes) {
+    look_at_ends(surfels, tube.line, config.grid_step_m, tube.fit.scale_m, config.min_arc_rad, tube.evidence);
+  }
   watch.lap(frame.stages.fit_ms);
   for (const ScanTube& tube : tubes) frame.tubes.push_back(result_of(tube, levels.all[tube.level].grid, config));
   std::stable_sort(frame.tubes.begin(), frame.tubes.end(),
