@@ -46,19 +46,23 @@ HWY_INLINE M BendsDown(const Neighbourhood& n, int i, const Between& across, con
   return hn::Or(hn::Le(a, hn::Zero(D())), hn::Le(hn::Mul(a, b), hn::Mul(mixed, mixed)));
 }
 
-/// The same of a vector whose planes are known on all sides.
+/// The same of a vector whose planes are known on all sides: step by step as above, as it depends on the vector's
+/// length which of the two a cell gets.
 HWY_INLINE M BendsDownWithin(const Neighbourhood& n, int i, V left_u, V right_u, V above_u, V below_u, float aspect,
                              float sigmas, float least) {
   const D d;
   const int h = n.half;
-  const float per_px = 0.5F / static_cast<float>(h);
+  const V per_px = Set(0.5F * (1.0F / static_cast<float>(h)));
+  const V per_row = hn::Mul(per_px, Set(aspect));
   const float* v = n.row.slope_v + i;
-  const V uu = hn::Sub(right_u, left_u);
-  const V vv =
-      hn::Mul(hn::Sub(hn::LoadU(d, n.below.slope_v + i), hn::LoadU(d, n.above.slope_v + i)), Set(aspect * aspect));
-  const V mixed = hn::Mul(hn::Add(hn::Sub(below_u, above_u), hn::Sub(hn::LoadU(d, v + h), hn::LoadU(d, v - h))),
-                          Set(0.5F * aspect));
-  const V limit = hn::Max(hn::Mul(hn::LoadU(d, n.row.slope_sigma + i), Set(sigmas * kRoot2)), Set(least / per_px));
+  const V uu = hn::Mul(hn::Sub(right_u, left_u), per_px);
+  const V vv = hn::Mul(hn::Sub(hn::LoadU(d, n.below.slope_v + i), hn::LoadU(d, n.above.slope_v + i)),
+                       hn::Mul(per_row, Set(aspect)));
+  const V vu = hn::Mul(hn::Sub(hn::LoadU(d, v + h), hn::LoadU(d, v - h)), per_row);
+  const V uv = hn::Mul(hn::Sub(below_u, above_u), per_row);
+  const V mixed = hn::Mul(Set(0.5F), hn::Add(uv, vu));
+  const V noise = hn::Mul(hn::Mul(hn::LoadU(d, n.row.slope_sigma + i), Set(sigmas * kRoot2)), per_px);
+  const V limit = hn::Max(noise, Set(least));
   const V a = hn::Add(uu, limit);
   const V b = hn::Add(vv, limit);
   return hn::Or(hn::Le(a, hn::Zero(d)), hn::Le(hn::Mul(a, b), hn::Mul(mixed, mixed)));
