@@ -156,6 +156,21 @@ TEST(ScanTubes, ARingIsOneClosedTubeWithoutEnds) {
   EXPECT_LE(error.rms_m, 0.1 * kStep_m);
 }
 
+TEST(ScanTubes, TheLengthIsTheSameWhereverTheTubeLies) {
+  constexpr double kRing_m = 0.002;
+  PartChain chain;
+  chain.direction = Eigen::Vector3d::UnitX();
+  chain.towards = Eigen::Vector3d::UnitY();
+  chain.closing_m = 0.2;
+  for (double shift_m = -0.5 * kRing_m; shift_m <= 2.0 * kRing_m; shift_m += 0.25 * kRing_m) {
+    std::mt19937_64 random(7);
+    chain.start_m = {shift_m, 0.0, 0.0};
+    const TubeFrame frame = tubes_of(mesh_of_tube(chain, {0.01, kRing_m}, random));
+    ASSERT_EQ(frame.tubes.size(), 1U);
+    EXPECT_NEAR(frame.tubes.front().length_m, chain.closing_m, 0.1 * kRing_m) << "shifted by " << shift_m << " m";
+  }
+}
+
 TEST(ScanTubes, AKnownRadiusIsHeld) {
   std::mt19937_64 random(5);
   const PartChain chain = bent_tube();
