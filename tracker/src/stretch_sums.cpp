@@ -204,8 +204,13 @@ void make_room(const Spline& spline, RecycledVector<std::size_t>& count, SortedO
   }
   sorted.first.back() = room;
   if (sorted.points.size() < room) {
-    sorted.points.resize(room);
-    sorted.rays.resize(room);
+    // The next frame may see a little more.
+    const auto widen = [room](auto& column) {
+      if (column.capacity() < room) column.reserve(room + room / 2);
+      column.resize(room);
+    };
+    widen(sorted.points);
+    widen(sorted.rays);
   }
   const Eigen::Vector3f ahead = Eigen::Vector3f::UnitZ();
   for (std::size_t k = 0; k < count.size(); ++k) {
