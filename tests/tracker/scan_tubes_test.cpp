@@ -171,6 +171,29 @@ TEST(ScanTubes, TheLengthIsTheSameWhereverTheTubeLies) {
   }
 }
 
+/// Both walls of a pipe, whose surface turns its back on the wall's material.
+Scan mesh_of_pipe(const PartChain& chain, double radius_m, double wall_m, double step_m) {
+  std::mt19937_64 random(8);
+  Scan pipe = mesh_of_tube(chain, {radius_m, step_m}, random);
+  const Scan inside = mesh_of_tube(chain, {radius_m - wall_m, step_m}, random);
+  const auto first = static_cast<std::uint32_t>(pipe.points_m.size());
+  pipe.points_m.insert(pipe.points_m.end(), inside.points_m.begin(), inside.points_m.end());
+  for (const auto& face : inside.faces) pipe.faces.push_back({first + face[0], first + face[2], first + face[1]});
+  return pipe;
+}
+
+TEST(ScanTubes, APipeHasTheRadiusOfItsOuterWallHoweverThinTheWall) {
+  PartChain chain;
+  chain.direction = Eigen::Vector3d::UnitX();
+  chain.towards = Eigen::Vector3d::UnitY();
+  chain.closing_m = 0.2;
+  for (const double wall_m : {0.0005, 0.001, 0.002, 0.003, 0.004}) {
+    const TubeFrame frame = tubes_of(mesh_of_pipe(chain, 0.01, wall_m, 0.002));
+    ASSERT_EQ(frame.tubes.size(), 1U) << "wall of " << wall_m << " m";
+    EXPECT_NEAR(frame.tubes.front().radius_m, 0.01, 0.00001) << "wall of " << wall_m << " m";
+  }
+}
+
 TEST(ScanTubes, AKnownRadiusIsHeld) {
   std::mt19937_64 random(5);
   const PartChain chain = bent_tube();

@@ -156,21 +156,15 @@ const SurfelSpread* spread_of(const CellSurfel& surfel) {
   return &surfel.spread;
 }
 
-/// Weight 0 where the surfels cancel out.
-template <typename AnySurfel>
-CellSurfel mean_of(std::span<const AnySurfel> surfels, std::span<const CellMember> members) {
-  const AnySurfel& first = surfels[members.front().surfel];
-  CellSurfel mean{first.position_m, first.inward_normal, first.weight};
-  if (const SurfelSpread* own = spread_of(first)) mean.spread = *own;
-  if (members.size() == 1) return mean;
-  const Eigen::Vector3d origin_m = mean.position_m.template cast<double>();
+/// Sums over surfels of one cell, places by their way from the first.
+struct CellSums {
   Eigen::Vector3d position_m = Eigen::Vector3d::Zero(), normal = Eigen::Vector3d::Zero();
   double weight = 0.0;
   SpreadSums products;
-  for (const CellMember& member : members) {
-    const AnySurfel& surfel = surfels[member.surfel];
+
+  template <typename AnySurfel>
+  void add(const AnySurfel& surfel, const Eigen::Vector3d& off_m) {
     const double own = surfel.weight;
-    const Eigen::Vector3d off_m = surfel.position_m.template cast<double>() - origin_m;
     position_m += own * off_m;
     normal += own * surfel.inward_normal.template cast<double>();
     products.add(own, off_m);
@@ -179,16 +173,44 @@ CellSurfel mean_of(std::span<const AnySurfel> surfels, std::span<const CellMembe
     }
     weight += own;
   }
-  const double length = normal.norm();
-  if (!(weight > 0.0) || !(length > 1e-6 * weight)) {
+};
+
+/// Those that face along `facing`.
+template <typename AnySurfel>
+CellSums sums_of(std::span<const AnySurfel> surfels, std::span<const CellMember> members,
+                 const Eigen::Vector3d& facing) {
+  const Eigen::Vector3f origin_m = surfels[members.front().surfel].position_m;
+  CellSums sums;
+  for (const CellMember& member : members) {
+    const AnySurfel& surfel = surfels[member.surfel];
+    if (surfel.inward_normal.template cast<double>().dot(facing) >= 0.0)
+      sums.add(surfel, surfel.position_m.template cast<double>() - origin_m.cast<double>());
+  }
+  return sums;
+}
+
+/// Weight 0 where the surfels cancel out.
+template <typename AnySurfel>
+CellSurfel mean_of(std::span<const AnySurfel> surfels, std::span<const CellMember> members) {
+  const AnySurfel& first = surfels[members.front().surfel];
+  CellSurfel mean{first.position_m, first.inward_normal, first.weight};
+  if (const SurfelSpread* own = spread_of(first)) mean.spread = *own;
+  if (members.size() == 1) return mean;
+  CellSums sums = sums_of(surfels, members, Eigen::Vector3d::Zero());
+  const double length = sums.normal.norm();
+  if (!(sums.weight > 0.0) || !(length > 1e-6 * sums.weight)) {
     mean.weight = 0.0F;
     return mean;
   }
-  position_m /= weight;
-  products.add(-weight, position_m);
-  for (std::size_t k = 0; k < mean.spread.size(); ++k) mean.spread[k] = static_cast<float>(products.sums[k] / weight);
-  mean.position_m = (origin_m + position_m).cast<float>();
-  mean.inward_normal = (normal / length).cast<float>();
+  // Both walls of a pipe: the outer one, which is larger, stays where it is, with what it has more.
+  constexpr double kBothWalls = 0.95;
+  if (length < kBothWalls * sums.weight) sums = sums_of(surfels, members, sums.normal);
+  sums.position_m /= sums.weight;
+  sums.products.add(-sums.weight, sums.position_m);
+  for (std::size_t k = 0; k < mean.spread.size(); ++k)
+    mean.spread[k] = static_cast<float>(sums.products.sums[k] / sums.weight);
+  mean.position_m = (first.position_m.template cast<double>() + sums.position_m).template cast<float>();
+  mean.inward_normal = sums.normal.normalized().template cast<float>();
   mean.weight = static_cast<float>(length);
   return mean;
 }
