@@ -20,7 +20,7 @@ void spread_hole_flags(const WordArea& area, WindowFits& out, std::vector<std::u
   const Grid& grid = out.missing.grid;
   const auto begin = 2 * area.word_begin;
   const auto end = 2 * area.word_end;
-  count.assign(static_cast<std::size_t>(2 * grid.words()), 0);
+  count.assign(std::size_t{2} * static_cast<std::size_t>(grid.words()), 0);
   const auto add = [&](int v, std::uint8_t sign) {
     if (v < 0 || v >= grid.height) return;
     const std::uint8_t* beside = blocks_of_row(out.beside_holes, grid, v);
@@ -63,7 +63,7 @@ void spread_over_windows(const BitImage& from, const WordArea& area, BitImage Wi
 
 void SpreadWork::resize(const Grid& grid) {
   for (BitImage& image : spread) image.resize(grid);
-  holes_around.resize(static_cast<std::size_t>(2 * grid.words()));
+  holes_around.resize(std::size_t{2} * static_cast<std::size_t>(grid.words()));
 }
 
 void WindowFits::resize(const Grid& grid) {
