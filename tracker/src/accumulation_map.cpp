@@ -186,7 +186,10 @@ void AccumulationMap::carry(std::uint32_t place, const NarrowVoxel& one) {
     const std::int64_t sum = voxels_[place].moments[i], more = one.moments[i];
     const std::int64_t lacks = sum - more > INT32_MAX ? -kRound : sum - more < INT32_MIN ? kRound : 0;
     const std::uint64_t at = one.moments.size() * std::uint64_t{place} + i;
-    if (lacks != 0 && (carried_[at] += lacks) == 0) carried_.erase(at);
+    if (lacks == 0) continue;
+    std::int64_t& carried = carried_[at];
+    carried += lacks;
+    if (carried == 0) carried_.erase(at);
   }
 }
 
