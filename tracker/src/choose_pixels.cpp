@@ -125,7 +125,8 @@ HWY_INLINE void ChooseVector(const PixelChoice& choice, const PredictedPixels& p
   const VI stretch = hn::Min(whole, hn::Set(di, choice.stretches - 1));
   const VI span = hn::ConvertTo(di, hn::Mul(hn::ConvertTo(d, stretch), Number(1.0 / kStretchesPerSpan)));
   const VI place = hn::Add(hn::Add(stretch, stretch), hn::IfThenElseZero(is_near, hn::Set(di, 1)));
-  const V spans = hn::Set(d, static_cast<float>(choice.stretches / kStretchesPerSpan));
+  const int whole_spans = choice.stretches / kStretchesPerSpan;
+  const V spans = hn::Set(d, static_cast<float>(whole_spans));
   const V s = hn::Sub(hn::Min(begun, spans), hn::ConvertTo(d, span));
   const V weight = hn::Div(hn::Set(d, 1.0F), hn::Mul(sigma, sigma));
   const bool all = hn::AllTrue(d, keep);  // as mostly
