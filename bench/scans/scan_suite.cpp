@@ -85,10 +85,10 @@ void run_bends(const Options& options) {
 }
 
 void run_paper(const Options& options) {
-  // Growing scans first: the peak memory of the program so far is then that of the last.
+  // Growing scans first: a process of its own starts with the memory of this one.
   std::vector<PaperRow> growth, paper, robustness;
   for (double faces = 1e4; faces <= 1.001 * options.largest; faces *= std::sqrt(10.0))
-    growth.push_back(measure(mesh_of_faces(static_cast<std::size_t>(faces)), false));
+    growth.push_back(measure_alone(static_cast<std::size_t>(faces)));
   for (const PaperScan& scan : paper_scans(1.0)) paper.push_back(measure(scan, true));
   for (const PaperScan& scan : robustness_scans(1.0)) robustness.push_back(measure(scan, false));
   std::string text = page_head("Static scans like the paper's", options.about);
@@ -107,8 +107,8 @@ void run_paper(const Options& options) {
   }
   text += "\n## Normals of voxels and height maps\n\n" + normal_table_text() + kNormalsHow;
   text +=
-      "\n## Growth\n\nA full mesh, lengthened; radius and grid step stay. Peak memory is the program's, with the "
-      "scan.\n\n";
+      "\n## Growth\n\nA full mesh, lengthened; radius and grid step stay. Each size in a process of "
+      "its own, whose peak memory that is, with the scan.\n\n";
   text += growth_text(growth);
   write_page(options, text);
 }
