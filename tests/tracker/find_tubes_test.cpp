@@ -14,6 +14,7 @@
 
 #include "tracker/tube_scene.hpp"
 #include "tubetrack/heightmap/normals.hpp"
+#include "tubetrack/tracker/trace.hpp"
 
 namespace tubetrack {
 namespace {
@@ -81,6 +82,25 @@ TEST(SparsePeaks, AreMostOfThoseOfANoisySlantedTable) {
   std::printf("%td of %zu peaks are sparse\n", refused, sparse.size());
   EXPECT_GT(sparse.size(), 50U);
   EXPECT_GT(static_cast<double>(refused), 0.9 * static_cast<double>(sparse.size()));
+}
+
+// What it misses is left to grow, span by span.
+TEST(TraceOn, GoesOnBehindWhatHidesTwoRadiiOfATubeAndStopsAtItsEnd) {
+  constexpr double kRadius_m = 0.02;
+  const Vector3d middle(0.0, 0.0, 0.8);
+  const HeightMap map = with_noise(cylinder_map(kCamera, middle, Vector3d::UnitX(), 0.15, kRadius_m), 4);
+  const std::vector<Surfel> surfels = tube_surfels(map, {}, {});
+  const double cell_m = matching_cell_m(surfels, kCamera.fx_px);
+  AccumulationMap votes(cell_m);
+  for (const Surfel& surfel : surfels) {
+    if (std::abs(surfel.position_m.x()) > kRadius_m) votes.add(vote_record(surfel, cell_m));
+  }
+  RecycledVector<Vector3d> line_m;
+  for (const double x_m : {-0.12, -0.10, -0.08}) line_m.emplace_back(x_m, 0.0, 0.8);
+  trace_on(votes, kRadius_m, 12, {kRadius_m, 0.5 * kRadius_m}, line_m);
+  EXPECT_GT(line_m.back().x(), 0.11);
+  EXPECT_LT(line_m.back().x(), 0.17);
+  for (const Vector3d& point_m : line_m) EXPECT_LT((point_m - middle).tail<2>().norm(), 0.5 * kRadius_m);
 }
 
 }  // namespace

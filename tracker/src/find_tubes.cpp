@@ -9,6 +9,7 @@
 #include "stopwatch.hpp"
 #include "tubetrack/tracker/join.hpp"
 #include "tubetrack/tracker/recycled.hpp"
+#include "tubetrack/tracker/seed.hpp"
 #include "tubetrack/tracker/trace.hpp"
 
 namespace tubetrack {
@@ -39,6 +40,27 @@ RecycledVector<Eigen::Vector3d> smooth_part(const RecycledVector<TracePoint>& tr
   while (last + 1 != trace.end() && calm(last[-1], last[0], last[1])) ++last;
   for (auto at = first; at <= last; ++at) line.push_back(at->position_m);
   return line;
+}
+
+/// Carries a line on both ways by what a few votes tell of a tube of this radius: each span that it has from the start
+/// is a round less to grow.
+void trace_on_both_ways(const AccumulationMap& votes, double radius_m, RecycledVector<Eigen::Vector3d>& line_m) {
+  for (int way = 0; way < 2; ++way) {
+    trace_on(votes, radius_m, kMinVotes, {radius_m, 0.5 * radius_m}, line_m);
+    std::reverse(line_m.begin(), line_m.end());
+  }
+}
+
+/// Carries on the traced line of a fitted seed, or where there is none the seed itself.
+void trace_on_from(const AccumulationMap& votes, TubeModel& fitted, Seed& seed) {
+  if (seed.line_m.size() > 3) {
+    trace_on_both_ways(votes, fitted.radius_m, seed.line_m);
+    return;
+  }
+  RecycledVector<Eigen::Vector3d> line_m;
+  for (const double part : {0.0, 0.5, 1.0}) line_m.push_back(point_at(fitted.spline, part * fitted.spline.spans()));
+  trace_on_both_ways(votes, fitted.radius_m, line_m);
+  if (line_m.size() > 3) fitted.spline = spline_along(line_m, kKnotSpacingRadii * fitted.radius_m);
 }
 
 /// The radius votes come from, over the trace: the median of its points.
@@ -108,7 +130,8 @@ void try_again(const RecycledVector<Seed>& refused, RecycledVector<FoundTube>& t
   HiddenCells hidden;
   for (const Seed& seed : refused) {
     for (const FoundTube& other : tubes) hide_from(nullptr, seen(other), map, hidden);
-    auto found = grow_tube(map, config, seed);
+    const auto start = fit_seed(map, config, seed);
+    auto found = start ? grow_tube(map, config, *start, seed.line_m) : std::nullopt;
     if (found && !why_no_tube(found->evidence, found->model.radius_m, config)) {
       go_on_behind(map, config, *found);
       if (take_place(tubes, *found)) tubes.push_back(std::move(*found));
@@ -188,10 +211,12 @@ RecycledVector<FoundTube> find_tubes(AccumulationMap& votes, std::span<const Sur
     options.patch_half_m = 0.5 * options.step_m;
     const RecycledVector<TracePoint> trace = trace_both_ways(votes, peak, options);
     const double radius_m = config.radius_m.value_or(radius_of(trace));
-    const Seed seed{center, axis_of(sum).direction, radius_m, smooth_part(trace, peak, radius_m)};
+    Seed seed{center, axis_of(sum).direction, radius_m, smooth_part(trace, peak, radius_m)};
     watch.lap(times.trace_ms);
     if (!std::exchange(known_are_hidden, true)) hide_others(known, nullptr, nullptr, map, hidden);
-    auto found = grow_tube(map, config, seed);
+    auto start = fit_seed(map, config, seed);
+    if (start) trace_on_from(votes, start->model, seed);
+    auto found = start ? grow_tube(map, config, *start, seed.line_m) : std::nullopt;
     if (found && why_no_tube(found->evidence, found->model.radius_m, config)) {
       refused.push_back(seed);
       found.reset();

@@ -14,7 +14,10 @@ namespace tubetrack {
 
 namespace {
 
-constexpr double kRestChi2 = 30.0;      // 6 degrees of freedom: once in 25,000 frames by chance
+constexpr double kRestChi2 = 30.0;  // 6 degrees of freedom: once in 25,000 frames by chance
+// Of the readings near a tube at rest, so many must be near it where it is thought to have moved to: a hand that comes
+// in front pulls at it, but leaves what is still seen of it where it was.
+constexpr double kAsMany = 0.95;
 constexpr int kFramesToComeToRest = 6;  // long enough for 1 mm/s to show
 // Radii: so little a placing may still move for the fit to take it along. At four times as much a tube that leaves and
 // comes back is lost now and then.
@@ -47,15 +50,23 @@ bool judge_motion(FollowedTube& tube, const HeightMap& map, const TrackerConfig&
   view = view_of(tube, map, config, model, kFitGate, 0.5);
   const auto first = motion_seen(tube, model, view);
   if (!first) return false;
+  if (tube.at_rest && motion_chi2(model, *first, tube.pooled.matrix) < kRestChi2) return true;
+  const TubeModel before = model;
+  const int near_before = view.near.used;
+  move(model, first->twist);
+  predict(tube, map, config, model);
+  view = view_of(tube, map, config, model, kFitGate, 0.25);
+  if (tube.at_rest && view.near.used < kAsMany * near_before) {
+    model = before;
+    predict(tube, map, config, model);
+    view = view_of(tube, map, config, model, kFitGate, kFitGate);
+    return true;
+  }
   if (tube.at_rest) {
-    if (motion_chi2(model, *first, tube.pooled.matrix) < kRestChi2) return true;
     tube.at_rest = false;
     tube.frames_pooled = 0;
     tube.anchor = tube.model;
   }
-  move(model, first->twist);
-  predict(tube, map, config, model);
-  view = view_of(tube, map, config, model, kFitGate, 0.25);
   const auto second = motion_seen(tube, model, view);
   if (!second) return false;
   if (elapsed_s > 0.0) {

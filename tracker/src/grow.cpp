@@ -79,58 +79,6 @@ std::optional<double> silhouette_radius_m(const Evidence& e, double radius_m) {
   return reach * radius_m;
 }
 
-/// So that a seed has some thousands of pixels at most: enough to tell whether it is worth growing.
-int seed_stride(const HeightMap& map, const Seed& seed, double radius_m) {
-  const double side_px = 2.0 * radius_m * map.intrinsics.fx_px / std::max(seed.center_m.z(), 0.05);
-  return std::max(1, static_cast<int>(side_px / 45.0));
-}
-
-/// Is what is seen there nearly as flat as a plane? Then it is no tube of anything like that radius.
-bool is_flat(const HeightMap& map, const TubeModel& model, const PredictedPixels& pixels) {
-  ShapeSums shape;
-  for (const PredictedPixel& pixel : pixels) {
-    const float measured = map.depth_m[pixel.cell];
-    if (measured > 0.0F && pixel.cos_incidence >= kCos75) add_to_shape(model, pixel, measured - pixel.depth_m, shape);
-  }
-  constexpr double kFlat = 0.75;  // of 1; a tube of four times the radius
-  return shape.slope() > kFlat && shape.slope() - 2.0 * shape.slope_sigma() > kFlat - 0.2;
-}
-
-/// A short straight piece of tube at a peak: first where it lies, then how thick it is. Empty where the image does not
-/// show one, which is cheap to find out here.
-std::optional<FoundTube> fit_seed(const HeightMap& map, const TrackerConfig& config, const Seed& seed) {
-  FoundTube found;
-  TubeModel& model = found.model;
-  model.radius_m = config.radius_m.value_or(seed.radius_m);
-  const Eigen::Vector3d half = model.radius_m * seed.axis;
-  model.spline =
-      spline_along({seed.center_m - half, seed.center_m, seed.center_m + half}, kKnotSpacingRadii * model.radius_m);
-  FitOptions options;
-  options.suppleness = 0.02;
-  options.radius_min_m = 0.5 * config.radius_min_m;
-  options.radius_max_m = 1.5 * config.radius_max_m;
-  const int stride = seed_stride(map, seed, model.radius_m);
-  thread_local Sighting sighting;  // for its buffers
-  constexpr std::array<double, 4> kGatesRadii{0.5, 0.3, 0.2, 0.15};
-  for (const double gate_radii : kGatesRadii) {
-    options.radius_m = gate_radii == kGatesRadii[0] ? model.radius_m : config.radius_m;
-    predict_pixels(map, config.noise, model, stride, found.pixels);
-    if (gate_radii == kGatesRadii[1] && !config.radius_m && is_flat(map, model, found.pixels)) return std::nullopt;
-    const double gate_m = gate_radii * model.radius_m;
-    observe(map, config.noise, model.spline, found.pixels, {gate_m, gate_m, 3.0}, kWholeTube, sighting);
-    options.want_covariance = false;
-    if (!fit_tube(model, sighting.near, options)) return std::nullopt;
-  }
-  found.extent = {0.0, model.spline.spans()};
-  predict_pixels(map, config.noise, model, stride, found.pixels);
-  const auto stations = stations_of(map, model, found.pixels, station_length_m(map, model));
-  found.evidence = surface_evidence(map, config.noise, model, found.pixels, stations, found.extent);
-  const Evidence& e = found.evidence;
-  const bool in_range = model.radius_m > 0.85 * config.radius_min_m && model.radius_m < 1.15 * config.radius_max_m;
-  if (!in_range || e.support < 0.45 || std::abs(e.flatness) > 0.6) return std::nullopt;
-  return found;
-}
-
 /// Pixels and stations of the present model, and how far along it the image confirms it, across gaps so wide.
 RecycledVector<Station> look(const HeightMap& map, const TrackerConfig& config, int stride, double max_gap_radii,
                              FoundTube& found) {
@@ -148,9 +96,10 @@ struct Rounds {
   int at_most = 40;
   double max_gap_radii = 4.0;  ///< hidden stretches that it may cross
   double suppleness = 1.0;
-  /// What it was found to be before: it is settled then as soon as a fit hardly moves it. Not what grows from a seed:
-  /// an end that is seen little, behind a gap, comes to its place by small steps.
-  double length_m = 0.0;
+  double length_m = 0.0;  ///< what it was found to be before; then the first fit may be the last
+  /// Settled as soon as a fit hardly moves it. Not what grows from a seed: an end that is seen little, behind a gap,
+  /// comes to its place by small steps.
+  bool course_known = false;
 };
 
 /// Looks how far the image confirms the tube, fits to that part alone, lengthens or shortens it, until it stays. What
@@ -158,7 +107,10 @@ struct Rounds {
 std::optional<FoundTube> grow_until_settled(const HeightMap& map, const TrackerConfig& config, TubeModel model,
                                             int stride, const Rounds& rounds) {
   constexpr double kCalm = 0.01;  // radii, below the noise of a fit
-  constexpr int kMaxSwings = 4;   // a tube that was followed too far comes back once
+  constexpr double kLeap = 0.5;   // radii: what the image confirms does not move so far
+  constexpr int kMaxLeaps = 2;
+  constexpr int kMaxSwings = 4;  // a tube that was followed too far comes back once
+  constexpr int kPatience = 6;   // rounds without having become longer
   FoundTube found;
   found.model = std::move(model);
   FitOptions options;
@@ -170,7 +122,8 @@ std::optional<FoundTube> grow_until_settled(const HeightMap& map, const TrackerC
   thread_local Sighting sighting;  // for its buffers
   look(map, config, stride, rounds.max_gap_radii, found);
   double length_before_m = rounds.length_m;
-  int swings = 0;
+  double longest_m = 0.0;
+  int swings = 0, leaps = 0, longest_round = 0;
   for (int round = 0; round < rounds.at_most; ++round) {
     if (found.extent.t_end <= found.extent.t_begin) return std::nullopt;
     const double gate_m = (round == 0 ? 0.2 : 0.1) * found.model.radius_m;
@@ -186,12 +139,15 @@ std::optional<FoundTube> grow_until_settled(const HeightMap& map, const TrackerC
     found.quality = std::move(*quality);
     stations = look(map, config, stride, rounds.max_gap_radii, found);
     const double length_m = length_of(found);
-    const bool settled = std::abs(length_m - length_before_m) < 0.1 * found.model.radius_m;
-    if (round > 3 && length_m < length_before_m - found.model.radius_m && ++swings == kMaxSwings) return std::nullopt;
-    const auto calm = [&] {
-      return rounds.length_m > 0.0 && moved_m(before, found.model, fitted) < kCalm * found.model.radius_m;
-    };
-    if ((settled && (round >= rounds.before_settled || calm())) || round + 1 == rounds.at_most) break;
+    const double radius_m = found.model.radius_m;
+    const double moved = moved_m(before, found.model, fitted) / radius_m;
+    if (round > 0 && moved > kLeap && ++leaps == kMaxLeaps) return std::nullopt;
+    if (round > 3 && length_m < length_before_m - radius_m && ++swings == kMaxSwings) return std::nullopt;
+    if (length_m > longest_m + 0.1 * radius_m) longest_m = length_m, longest_round = round;
+    const bool settled = std::abs(length_m - length_before_m) < 0.1 * radius_m;
+    const bool calm = rounds.course_known && moved < kCalm;
+    if (settled && (round >= rounds.before_settled || calm)) break;
+    if (round - longest_round >= kPatience || round + 1 == rounds.at_most) break;
     length_before_m = length_m;
     reach_beyond(found.model.spline, found.extent);
     if (spacing_m(found.model.spline) < 1e-4) return std::nullopt;
@@ -209,16 +165,19 @@ int growing_stride(const HeightMap& map, const TubeModel& model) {
 }
 
 /// Grows to the full length with a part of the pixels, where that is worth it, and then with all.
-std::optional<FoundTube> grow_model(const HeightMap& map, const TrackerConfig& config, TubeModel model) {
+std::optional<FoundTube> grow_model(const HeightMap& map, const TrackerConfig& config, TubeModel model,
+                                    bool course_known) {
   const int stride = growing_stride(map, model);
   Rounds rounds;
+  rounds.course_known = course_known;
   if (stride > 1) {
-    auto coarse = grow_until_settled(map, config, std::move(model), stride, {});
+    auto coarse = grow_until_settled(map, config, std::move(model), stride, rounds);
     if (!coarse) return std::nullopt;
     if (hopeless(coarse->evidence, coarse->model.radius_m, config) &&
         !silhouette_radius_m(coarse->evidence, coarse->model.radius_m))
       return std::nullopt;
-    rounds = {1, 3};
+    rounds.before_settled = 1;
+    rounds.at_most = 3;
     model = std::move(coarse->model);
   }
   auto found = grow_until_settled(map, config, std::move(model), 1, rounds);
@@ -233,10 +192,10 @@ std::optional<FoundTube> grow_from(const HeightMap& map, const TrackerConfig& co
                                    const RecycledVector<Eigen::Vector3d>& line_m) {
   if (line_m.size() > 3) {
     TubeModel traced{spline_along(line_m, kKnotSpacingRadii * start.radius_m), start.radius_m};
-    auto found = grow_model(map, config, std::move(traced));
+    auto found = grow_model(map, config, std::move(traced), true);
     if (found && !why_no_tube(found->evidence, found->model.radius_m, config)) return found;
   }
-  return grow_model(map, config, start);
+  return grow_model(map, config, start, false);
 }
 
 /// Notes that the silhouettes say how thick a tube is.
@@ -258,14 +217,13 @@ std::optional<FoundTube> grow_held(const HeightMap& map, TrackerConfig config, T
 
 }  // namespace
 
-std::optional<FoundTube> grow_tube(const HeightMap& map, const TrackerConfig& config, const Seed& seed) {
-  const std::optional<FoundTube> start = fit_seed(map, config, seed);
-  if (!start) return std::nullopt;
-  if (config.radius_m) return grow_from(map, config, start->model, seed.line_m);
-  if (const auto radius_m = silhouette_radius_m(start->evidence, start->model.radius_m)) {
-    return grow_held(map, config, start->model, *radius_m, seed.line_m);
+std::optional<FoundTube> grow_tube(const HeightMap& map, const TrackerConfig& config, const FoundTube& start,
+                                   const RecycledVector<Eigen::Vector3d>& line_m) {
+  if (config.radius_m) return grow_from(map, config, start.model, line_m);
+  if (const auto radius_m = silhouette_radius_m(start.evidence, start.model.radius_m)) {
+    return grow_held(map, config, start.model, *radius_m, line_m);
   }
-  auto found = grow_from(map, config, start->model, seed.line_m);
+  auto found = grow_from(map, config, start.model, line_m);
   if (!found) return found;
   if (const auto radius_m = silhouette_radius_m(found->evidence, found->model.radius_m)) {
     return grow_held(map, config, found->model, *radius_m, {});
@@ -291,7 +249,7 @@ void go_on_behind(const HeightMap& map, const TrackerConfig& config, FoundTube& 
   FoundTube whole;
   double length_m = 0.0;
   for (const double suppleness : {0.1, 1.0}) {
-    const Rounds rounds{1, 8, kGapRadii, suppleness, length_m};
+    const Rounds rounds{1, 8, kGapRadii, suppleness, length_m, length_m > 0.0};
     auto grown = grow_until_settled(map, held, std::move(longer), suppleness < 1.0 ? stride : 1, rounds);
     if (!grown || grown->evidence.length_m < tube.evidence.length_m + 0.5 * tube.model.radius_m) return;
     if (grown->evidence.noise_ratio > 1.25 * tube.evidence.noise_ratio) return;
@@ -308,7 +266,7 @@ void go_on_behind(const HeightMap& map, const TrackerConfig& config, FoundTube& 
 void fit_again(const HeightMap& map, const TrackerConfig& config, FoundTube& tube) {
   TrackerConfig held = config;
   if (tube.held_radius_m) held.radius_m = tube.held_radius_m;
-  const Rounds rounds{2, 4, kHiddenSpans * kKnotSpacingRadii, 1.0, length_of(tube)};
+  const Rounds rounds{2, 4, kHiddenSpans * kKnotSpacingRadii, 1.0, length_of(tube), true};
   auto again = grow_until_settled(map, held, tube.model, 1, rounds);
   if (!again || again->evidence.length_m < 0.8 * tube.evidence.length_m) return;
   look_beside(map, config.noise, again->model, again->extent, again->evidence);

@@ -81,6 +81,32 @@ RecycledVector<TracePoint> trace_one_way(const AccumulationMap& map, const Voxel
   return line;
 }
 
+void trace_on(const AccumulationMap& map, double radius_m, int least_votes, const TraceOptions& options,
+              RecycledVector<Eigen::Vector3d>& line_m) {
+  constexpr int kMostUnseen = 3;
+  constexpr double kCalm = 0.82;  // cosine
+  int unseen = 0;
+  for (int i = 0; i < options.max_steps && unseen <= kMostUnseen; ++i) {
+    const Eigen::Vector3d last_m = line_m.back();
+    const Eigen::Vector3d direction = (last_m - line_m[line_m.size() - 3]).normalized();
+    const Eigen::Vector3d center_m = last_m + (1 + unseen) * options.step_m * direction;
+    const VoxelIndex next = best_on_patch(map, center_m, direction, options);
+    const TracePoint point = point_at(map, next, map.box(next, options.box_half));
+    const Eigen::Vector3d step = point.position_m - last_m;
+    const bool inside = point.votes >= least_votes && std::abs(point.radius_m - radius_m) < 0.25 * radius_m &&
+                        step.dot(direction) > kCalm * step.norm();
+    if (!inside) {
+      ++unseen;
+      continue;
+    }
+    const auto is_here = [&](const Eigen::Vector3d& m) { return (m - point.position_m).norm() < 0.5 * options.step_m; };
+    if (std::any_of(line_m.begin(), line_m.end() - 1, is_here)) return;  // a ring
+    for (int gap = 1; gap <= unseen; ++gap) line_m.push_back(last_m + gap * step / (1 + unseen));
+    line_m.push_back(point.position_m);
+    unseen = 0;
+  }
+}
+
 RecycledVector<TracePoint> trace_both_ways(const AccumulationMap& map, const VoxelIndex& start,
                                            const TraceOptions& options) {
   RecycledVector<TracePoint> line = trace_one_way(map, start, false, options);

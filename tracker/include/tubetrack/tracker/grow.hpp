@@ -20,18 +20,11 @@ struct FoundTube {
   bool joined = false;                       ///< of two pieces: its ends have not been looked for yet
 };
 
-/// Where to start: a peak of the accumulation map, the tube's direction and radius there, and the line traced from it
-/// (paper, algorithm 2) as far as it runs smoothly; fewer than 4 points say nothing of the course.
-struct Seed {
-  Eigen::Vector3d center_m = Eigen::Vector3d::Zero();
-  Eigen::Vector3d axis = Eigen::Vector3d::UnitX();
-  double radius_m = 0.0;
-  RecycledVector<Eigen::Vector3d> line_m;
-};
-
-/// From a seed to a fitted tube over all that is seen of it: fit, look how far the image confirms the tube, lengthen or
-/// shorten it, fit again. Empty where the image shows no tube there.
-std::optional<FoundTube> grow_tube(const HeightMap& map, const TrackerConfig& config, const Seed& seed);
+/// From a fitted seed to a fitted tube over all that is seen of it: fit, look how far the image confirms the tube,
+/// lengthen or shorten it, fit again. Along a line that was traced (paper, algorithm 2), unless it has fewer than 4
+/// points or leads to no tube. Empty where the image shows no tube there.
+std::optional<FoundTube> grow_tube(const HeightMap& map, const TrackerConfig& config, const FoundTube& start,
+                                   const RecycledVector<Eigen::Vector3d>& line_m);
 
 /// Goes on straight behind what is nearer and hides an end of the tube (or a stretch of up to 15 radii), and takes in
 /// what is seen of it beyond; leaves a tube that nothing more is seen of as it is.

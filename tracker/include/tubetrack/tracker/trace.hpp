@@ -30,6 +30,11 @@ bool is_inside_tube(int votes, int start_votes, const Eigen::Vector3d& step, con
 RecycledVector<TracePoint> trace_one_way(const AccumulationMap& map, const VoxelIndex& start, bool in_front,
                                          const TraceOptions& options);
 
+/// Lengthens a line at its end by what a few votes tell of a tube of its radius that goes on there, across gaps of
+/// three steps at most. Of three points or more.
+void trace_on(const AccumulationMap& map, double radius_m, int least_votes, const TraceOptions& options,
+              RecycledVector<Eigen::Vector3d>& line_m);
+
 /// Both ways from the start, one line from end to end. At least the start itself.
 RecycledVector<TracePoint> trace_both_ways(const AccumulationMap& map, const VoxelIndex& start,
                                            const TraceOptions& options);
