@@ -30,7 +30,7 @@ std::vector<SectionAxes> frames_along(const Spline& spline, const std::vector<Sc
     const Eigen::Vector3d along = derivative_at(spline, station.t).normalized();
     e1 -= e1.dot(along) * along;
     e1 = e1.norm() > 1e-3 ? Eigen::Vector3d(e1.normalized()) : Eigen::Vector3d(along.unitOrthogonal());
-    frames.push_back({e1, along.cross(e1)});
+    frames.push_back({e1.cast<float>(), along.cross(e1).cast<float>()});
   }
   return frames;
 }
@@ -88,13 +88,15 @@ std::pair<std::size_t, std::size_t> best_run(const std::vector<ScanStation>& sta
 struct Look {
   std::span<const CellSurfel> surfels;
   const std::vector<SurfacePoint>& points;
+  double per_point = 1.0;  ///< surfels that each stands for
   double radius_m = 0.0;
   double agree_m = 0.0;           ///< how far off a surfel that agrees is at most
   double station_spans = 0.0;     ///< from one to the next
+  double stations_per_span = 0.0;
   std::vector<SectionAxes> axes;  ///< of the stations
 
   std::size_t station_of(const SurfacePoint& point) const {
-    return std::min(static_cast<std::size_t>(point.t / station_spans), axes.size() - 1);
+    return std::min(static_cast<std::size_t>(point.t * stations_per_span), axes.size() - 1);
   }
   bool agrees(const SurfacePoint& point) const {
     return std::abs(static_cast<double>(point.distance_m) - radius_m) <= agree_m &&
@@ -102,28 +104,32 @@ struct Look {
   }
 };
 
-Look look_along(std::span<const CellSurfel> surfels, const std::vector<SurfacePoint>& points, const ScanLine& line,
-                double scale_m, const std::vector<ScanStation>& stations) {
+Look look_along(std::span<const CellSurfel> surfels, const std::vector<SurfacePoint>& points, std::size_t every,
+                const ScanLine& line, double scale_m, const std::vector<ScanStation>& stations) {
   const double radius_m = line.model.radius_m;
+  const auto count = static_cast<double>(stations.size());
   return {surfels,
           points,
+          static_cast<double>(every),
           radius_m,
           std::clamp(kAgreeSigmas * scale_m, kAgreeRadii * radius_m, kMostAgreeRadii * radius_m),
-          line.model.spline.spans() / static_cast<double>(stations.size()),
+          line.model.spline.spans() / count,
+          count / line.model.spline.spans(),
           frames_along(line.model.spline, stations)};
 }
 
 /// Where the tube ends, by the surfels of the four stations (2 radii) from `station` on.
-TubeEnd end_at(const Look& look, std::size_t station, bool front, double spacing_spans) {
-  constexpr std::size_t kStations = 4, kOuter = 2;
+TubeEnd end_at(const Look& look, const Sections& sections, std::size_t station, bool front, double spacing_spans) {
+  constexpr std::uint32_t kStations = 4, kOuter = 2;
   std::vector<PlacedArea> outer, inner;
-  for (const SurfacePoint& point : look.points) {
-    const std::size_t at = look.station_of(point);
-    const std::size_t inward = front ? at - station : station - at;  // wraps to a large number beyond the end
-    if (inward >= kStations || !look.agrees(point)) continue;
-    const int bin = bin_of(angle_of(-point.inward.cast<double>(), look.axes[at]));
+  const auto end = static_cast<std::uint32_t>(station);
+  for (std::size_t i = 0; i < look.points.size(); ++i) {
+    const std::uint32_t place = sections.places[i], at = place / kBins;
+    const std::uint32_t inward = front ? at - end : end - at;  // wraps to a large number beyond the end
+    if (inward >= kStations || place == kNowhere) continue;
+    const SurfacePoint& point = look.points[i];
     (inward < kOuter ? outer : inner)
-        .push_back({point.t, look.surfels[point.surfel].weight, bin * kEndSectors / kBins});
+        .push_back({point.t, look.surfels[point.surfel].weight, static_cast<int>(place % kBins) * kEndSectors / kBins});
   }
   if (outer.empty() && inner.empty()) return {look.station_spans * static_cast<double>(front ? station : station + 1)};
   const std::size_t outermost = outer.size();
@@ -214,19 +220,19 @@ Sections gather(const Look& look, double spacing_m, std::vector<ScanStation>& st
   sections.by_normal.resize(count);
   sections.agreeing.resize(count);
   sections.places.resize(look.points.size(), kNowhere);
-  const double half_rad = std::min(0.75 * spacing_m / look.radius_m, 0.4);
+  const auto half_rad = static_cast<float>(std::min(0.75 * spacing_m / look.radius_m, 0.4));
   for (std::size_t i = 0; i < look.points.size(); ++i) {
     const SurfacePoint& point = look.points[i];
     const std::size_t at = look.station_of(point);
     const CellSurfel& surfel = look.surfels[point.surfel];
-    const double weight = surfel.weight;
+    const double weight = look.per_point * static_cast<double>(surfel.weight);
     stations[at].facing += weight;
     if (!look.agrees(point)) continue;
     stations[at].agree += weight;
     stations[at].radius_m += weight * static_cast<double>(point.distance_m);
-    const double place_rad = angle_of(-point.inward.cast<double>(), look.axes[at]);
+    const float place_rad = angle_of(-point.inward, look.axes[at]);
     sections.by_place[at] |= bins_around(place_rad, half_rad);
-    sections.by_normal[at] |= bins_around(angle_of(-surfel.inward_normal.cast<double>(), look.axes[at]), half_rad);
+    sections.by_normal[at] |= bins_around(angle_of(-surfel.inward_normal, look.axes[at]), half_rad);
     sections.places[i] = static_cast<std::uint32_t>(kBins * at) + static_cast<std::uint32_t>(bin_of(place_rad));
     sections.agreeing[at] += 1.0;
   }
@@ -237,12 +243,12 @@ Sections gather(const Look& look, double spacing_m, std::vector<ScanStation>& st
 }
 
 /// The seen stretch: from the first station of the run to its last, to where the surface ends.
-void set_stretch(const Look& look, std::size_t first, std::size_t last, const ScanLine& line, double spacing_m,
-                 ScanEvidence& evidence) {
+void set_stretch(const Look& look, const Sections& sections, std::size_t first, std::size_t last, const ScanLine& line,
+                 double spacing_m, ScanEvidence& evidence) {
   const Spline& spline = line.model.spline;
   const double span_m = length_between(spline, 0.0, spline.spans()) / spline.spans();
-  const TubeEnd begin = end_at(look, first, true, spacing_m / span_m),
-                end = end_at(look, last, false, spacing_m / span_m);
+  const TubeEnd begin = end_at(look, sections, first, true, spacing_m / span_m),
+                end = end_at(look, sections, last, false, spacing_m / span_m);
   evidence.t_begin = std::max(0.0, begin.t);
   evidence.t_end = std::min(spline.spans(), end.t);
   evidence.begin_sigma_m = begin.sigma * span_m;
@@ -272,8 +278,8 @@ void sum_up(std::size_t first, std::size_t last, ScanEvidence& evidence) {
 
 }  // namespace
 
-ScanEvidence look_at(std::span<const CellSurfel> surfels, const std::vector<SurfacePoint>& points, const ScanLine& line,
-                     double spacing_m, double scale_m, double min_arc_rad) {
+ScanEvidence look_at(std::span<const CellSurfel> surfels, const std::vector<SurfacePoint>& points, std::size_t every,
+                     const ScanLine& line, double spacing_m, double scale_m, double min_arc_rad) {
   ScanEvidence evidence;
   const Spline& spline = line.model.spline;
   const double radius_m = line.model.radius_m;
@@ -282,12 +288,13 @@ ScanEvidence look_at(std::span<const CellSurfel> surfels, const std::vector<Surf
   const double station_spans = spline.spans() / static_cast<double>(count);
   evidence.stations.resize(count);
   for (std::size_t i = 0; i < count; ++i) evidence.stations[i].t = (static_cast<double>(i) + 0.5) * station_spans;
-  const Look look = look_along(surfels, points, line, scale_m, evidence.stations);
-  const Sections sections = gather(look, spacing_m, evidence.stations);
+  const Look look = look_along(surfels, points, every, line, scale_m, evidence.stations);
+  const double apart_m = spacing_m * std::sqrt(look.per_point);
+  const Sections sections = gather(look, apart_m, evidence.stations);
   set_arcs(sections, min_arc_rad, evidence.stations);
   const auto [first, last] = best_run(evidence.stations);
   if (first > last) return evidence;
-  set_stretch(look, first, last, line, spacing_m, evidence);
+  set_stretch(look, sections, first, last, line, apart_m, evidence);
   sum_up(first, last, evidence);
   evidence.spacing_radii = spacing_m / radius_m;
   evidence.scale_radii = scale_m / radius_m;
@@ -315,13 +322,14 @@ void look_at_ends(std::span<const ScanSurfel> surfels, const ScanLine& line, dou
   constexpr double kApart = 0.05;
   const SurfelGrid grid = merged_by_cell(near, {}, kApart * spacing_m);
   const std::vector<SurfacePoint> points = points_near(grid, {}, line);
-  const Look look = look_along(grid.surfels, points, line, scale_m, evidence.stations);
+  const Look look = look_along(grid.surfels, points, 1, line, scale_m, evidence.stations);
   // The last surfels may lie in a station that the means of cells were not in.
   std::vector<ScanStation> stations(evidence.stations.size());
-  set_arcs(gather(look, spacing_m, stations), min_arc_rad, stations);
+  const Sections sections = gather(look, spacing_m, stations);
+  set_arcs(sections, min_arc_rad, stations);
   if (first > 0 && stations[first - 1].seen) --first;
   if (last + 1 < stations.size() && stations[last + 1].seen) ++last;
-  set_stretch(look, first, last, line, spacing_m, evidence);
+  set_stretch(look, sections, first, last, line, spacing_m, evidence);
 }
 
 bool is_certain(const ScanEvidence& evidence) {

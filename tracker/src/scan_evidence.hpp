@@ -34,9 +34,9 @@ struct ScanEvidence {
   double taper = 0.0;              ///< change of radius per length
 };
 
-/// `spacing_m`: how far apart the surfels are; `scale_m`: how much they err.
-ScanEvidence look_at(std::span<const CellSurfel> surfels, const std::vector<SurfacePoint>& points, const ScanLine& line,
-                     double spacing_m, double scale_m, double min_arc_rad);
+/// `points`: of every so many surfels; `spacing_m`: how far apart the surfels are; `scale_m`: how much they err.
+ScanEvidence look_at(std::span<const CellSurfel> surfels, const std::vector<SurfacePoint>& points, std::size_t every,
+                     const ScanLine& line, double spacing_m, double scale_m, double min_arc_rad);
 
 /// The ends of the seen stretch once more, by all surfels of the scan near them: the mean of a cell does not tell where
 /// in it the surface ends. Arguments as `look_at`'s, which made the evidence.
