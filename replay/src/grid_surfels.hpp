@@ -10,10 +10,8 @@ namespace tubetrack {
 
 /// A face between a voxel of the body and one that is not.
 struct BoundaryFace {
-  Eigen::Vector3d center_m;
-  Eigen::Vector3d outward_area_m2;  ///< along the face's normal, as long as its area
-  Eigen::Vector3i twice;            ///< the centre's place in the grid, in half voxels
-  int shape;                        ///< which of a voxel's six faces: those of a grid are alike
+  Eigen::Vector3i twice;  ///< the centre's place in the grid, in half voxels
+  int shape;              ///< which of a voxel's six faces: those of a grid are alike
 };
 
 /// In the order of their voxels. What lies outside the grid is not known, so the grid's border makes no faces.

@@ -88,9 +88,10 @@ struct Face {
   }
 };
 
+constexpr double kSmooth = 0.75;  // cosine of 41°: what turns more is an edge
+
 Face face_of(const Scan& scan, const std::array<std::uint32_t, 3>& corners,
              const std::vector<Eigen::Vector3d>& normals) {
-  constexpr double kSmooth = 0.75;  // cosine of 41°: what turns more is an edge
   Face face;
   for (std::size_t k = 0; k < 3; ++k) face.corners[k] = scan.points_m[corners[k]];
   face.normal = (face.corners[1] - face.corners[0]).cross(face.corners[2] - face.corners[0]);
@@ -113,23 +114,37 @@ void add_piece(const Face& face, const Triangle& piece, ScanSurfel surfel, doubl
   surfels.push_back(surfel);
 }
 
-/// The surfel of a face that need not be cut: all corners share alike in its middle.
-void add_whole(const Face& face, ScanSurfel surfel, double step_area, std::vector<ScanSurfel>& surfels) {
-  const auto& [a, b, c] = face.corners;
-  const Eigen::Vector3d middle_m = (a + b + c) / 3.0;
-  double out_m = 0.0;
-  for (std::size_t k = 0; k < 3; ++k) out_m += (face.corners[k] - middle_m).dot(face.normals[k]) / 6.0;
-  surfel.position_m = (middle_m + out_m * face.normal).cast<float>();
-  surfel.weight = static_cast<float>(0.5 * face.twice_area / step_area);
-  surfels.push_back(surfel);
+/// The surfel of a face that need not be cut: all corners share alike in its middle. Most faces are such, so nothing
+/// else is made of them.
+ScanSurfel surfel_of_whole(const Scan& scan, const std::array<std::uint32_t, 3>& corners,
+                           const std::vector<Eigen::Vector3d>& normals, double step_area) {
+  const Eigen::Vector3d &a = scan.points_m[corners[0]], &b = scan.points_m[corners[1]], &c = scan.points_m[corners[2]];
+  const Eigen::Vector3d to_b = b - a, to_c = c - a;
+  const Eigen::Vector3d area = to_b.cross(to_c);
+  const double twice_area = area.norm();
+  const Eigen::Vector3d normal = area * (twice_area > 0.0 ? 1.0 / twice_area : 0.0);
+  const Eigen::Vector3d to_middle = (to_b + to_c) / 3.0;
+  const auto out_at = [&](std::uint32_t corner, const Eigen::Vector3d& from_middle) {
+    const Eigen::Vector3d& own = normals[corner];
+    return own.dot(normal) > kSmooth ? from_middle.dot(own) : 0.0;
+  };
+  const double out_m =
+      (out_at(corners[0], -to_middle) + out_at(corners[1], to_b - to_middle) + out_at(corners[2], to_c - to_middle)) /
+      6.0;
+  ScanSurfel surfel;
+  surfel.position_m = (a + to_middle + out_m * normal).cast<float>();
+  // Paper, section 3: the cross product of face edges.
+  surfel.inward_normal = -normal.cast<float>();
+  surfel.weight = static_cast<float>(0.5 * twice_area / step_area);
+  return surfel;
 }
 
 /// Cuts across the longest edge until no piece has one above the limit. `pieces` is for what is left to cut.
-void add_pieces(const Face& face, double limit_m, const ScanSurfel& surfel, double step_area,
-                std::vector<Triangle>& pieces, std::vector<ScanSurfel>& surfels) {
+void add_pieces(const Face& face, double limit_m, double step_area, std::vector<Triangle>& pieces,
+                std::vector<ScanSurfel>& surfels) {
+  ScanSurfel surfel;
+  surfel.inward_normal = -face.normal.cast<float>();
   double squared = 0.0;
-  longest_edge(face.corners, squared);
-  if (squared <= limit_m * limit_m) return add_whole(face, surfel, step_area, surfels);
   pieces.push_back(face.corners);
   while (!pieces.empty()) {
     const Triangle piece = pieces.back();
@@ -146,6 +161,12 @@ void add_pieces(const Face& face, double limit_m, const ScanSurfel& surfel, doub
   }
 }
 
+bool is_cut(const Scan& scan, const std::array<std::uint32_t, 3>& corners, double limit_m) {
+  double squared = 0.0;
+  longest_edge({scan.points_m[corners[0]], scan.points_m[corners[1]], scan.points_m[corners[2]]}, squared);
+  return squared > limit_m * limit_m;
+}
+
 void add_mesh(const Scan& scan, std::size_t max_count, std::vector<ScanSurfel>& surfels) {
   double longest_m2 = 0.0;
   const std::vector<Eigen::Vector3d> normals = normals_at_points(scan, longest_m2);
@@ -154,15 +175,11 @@ void add_mesh(const Scan& scan, std::size_t max_count, std::vector<ScanSurfel>& 
   const bool all_whole = longest_m2 <= limit_m * limit_m;
   std::vector<Triangle> pieces;
   surfels.reserve(scan.faces.size());
-  for (std::size_t i = 0; i < scan.faces.size(); ++i) {
-    const Face face = face_of(scan, scan.faces[i], normals);
-    ScanSurfel surfel;
-    // Paper, section 3: the cross product of face edges.
-    surfel.inward_normal = -face.normal.cast<float>();
-    if (all_whole) {
-      add_whole(face, surfel, step_area, surfels);
+  for (const std::array<std::uint32_t, 3>& corners : scan.faces) {
+    if (all_whole || !is_cut(scan, corners, limit_m)) {
+      surfels.push_back(surfel_of_whole(scan, corners, normals, step_area));
     } else {
-      add_pieces(face, limit_m, surfel, step_area, pieces, surfels);
+      add_pieces(face_of(scan, corners, normals), limit_m, step_area, pieces, surfels);
     }
   }
 }

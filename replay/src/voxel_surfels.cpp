@@ -16,10 +16,9 @@ namespace tubetrack {
 
 namespace {
 
-/// The six faces of a voxel: half the way to the neighbour, and the area vector that way.
+/// The six faces of a voxel: the way to the neighbour, and the area vector that way.
 struct FaceShape {
   Eigen::Vector3i step;
-  Eigen::Vector3d to_center_m;
   Eigen::Vector3d outward_area_m2;
 };
 
@@ -27,13 +26,15 @@ std::array<FaceShape, 6> face_shapes(const Eigen::Matrix3d& axes_m) {
   std::array<FaceShape, 6> shapes;
   std::size_t next = 0;
   for (int axis = 0; axis < 3; ++axis) {
-    const Eigen::Vector3d way_m = axes_m.col(axis);
     Eigen::Vector3d area_m2 = axes_m.col((axis + 1) % 3).cross(axes_m.col((axis + 2) % 3));
-    if (area_m2.dot(way_m) < 0.0) area_m2 = -area_m2;  // the axes may be left-handed
-    for (const int sign : {-1, 1})
-      shapes[next++] = {sign * Eigen::Vector3i::Unit(axis), 0.5 * sign * way_m, sign * area_m2};
+    if (area_m2.dot(axes_m.col(axis)) < 0.0) area_m2 = -area_m2;  // the axes may be left-handed
+    for (const int sign : {-1, 1}) shapes[next++] = {sign * Eigen::Vector3i::Unit(axis), sign * area_m2};
   }
   return shapes;
+}
+
+Eigen::Vector3d center_of(const VoxelGrid& grid, const BoundaryFace& face) {
+  return grid.origin_m + grid.axes_m * (0.5 * face.twice.cast<double>());
 }
 
 /// The first voxel of a row, from the i-th on, that is in the body; `count` where none is. Most of a volume is empty.
@@ -88,7 +89,8 @@ static_assert(kBlock == kRowPlaces);
 /// Faces by the block of 4³ voxels that they lie in.
 struct FaceBlocks {
   Eigen::Vector3i size;
-  std::vector<std::uint32_t> first, faces;
+  std::vector<std::uint32_t> first, numbers;
+  std::vector<BoundaryFace> faces;  // those of a block stand together
 
   FaceBlocks(const VoxelGrid& grid, const std::vector<BoundaryFace>& all) {
     size = (2 * grid.size.array() + kBlock) / kBlock;
@@ -99,9 +101,13 @@ struct FaceBlocks {
     for (const BoundaryFace& face : all) ++first[at(face.twice / kBlock) + 1];
     for (std::size_t i = 1; i < first.size(); ++i) first[i] += first[i - 1];
     std::vector<std::uint32_t> next(first.begin(), first.end() - 1);
+    numbers.resize(all.size());
     faces.resize(all.size());
-    for (std::size_t i = 0; i < all.size(); ++i)
-      faces[next[at(all[i].twice / kBlock)]++] = static_cast<std::uint32_t>(i);
+    for (std::size_t i = 0; i < all.size(); ++i) {
+      const std::uint32_t place = next[at(all[i].twice / kBlock)]++;
+      numbers[place] = static_cast<std::uint32_t>(i);
+      faces[place] = all[i];
+    }
   }
   std::size_t at(const Eigen::Vector3i& block) const {
     return (static_cast<std::size_t>(block.z()) * static_cast<std::size_t>(size.y()) +
@@ -114,8 +120,7 @@ struct FaceBlocks {
 /// Of the faces around a block, by shape: their places as BallWeights counts them, from the block on.
 using NearPlaces = std::array<std::vector<std::int32_t>, 6>;
 
-void gather_near(const FaceBlocks& blocks, const std::vector<BoundaryFace>& faces, const BallWeights& weights,
-                 const Eigen::Vector3i& block, NearPlaces& near) {
+void gather_near(const FaceBlocks& blocks, const BallWeights& weights, const Eigen::Vector3i& block, NearPlaces& near) {
   for (std::vector<std::int32_t>& places : near) places.clear();
   const Eigen::Array3i low = kBlock * block.array() - weights.reach().array();
   const Eigen::Array3i high = kBlock * block.array() + kBlock - 1 + weights.reach().array();
@@ -125,7 +130,7 @@ void gather_near(const FaceBlocks& blocks, const std::vector<BoundaryFace>& face
     for (int y = from.y(); y <= to.y(); ++y) {
       for (std::uint32_t i = blocks.first[blocks.at({from.x(), y, z})]; i < blocks.first[blocks.at({to.x(), y, z}) + 1];
            ++i) {
-        const BoundaryFace& face = faces[blocks.faces[i]];
+        const BoundaryFace& face = blocks.faces[i];
         if ((face.twice.array() < low).any() || (face.twice.array() > high).any()) continue;
         near[static_cast<std::size_t>(face.shape)].push_back(weights.place(face.twice - kBlock * block));
       }
@@ -146,17 +151,16 @@ std::vector<BoundaryFace> boundary_faces(const VoxelGrid& grid) {
       const std::uint8_t* begin = grid.inside.data() + grid.at(0, j, k);
       for (int i = 0; (i = next_inside(begin, i, grid.size.x())) < grid.size.x(); ++i) {
         const std::uint8_t* voxel = begin + i;
+        const bool all_around =
+            is_between(i, grid.size.x()) && is_between(j, grid.size.y()) && is_between(k, grid.size.z());
         // Most voxels are deep inside.
-        if (is_between(i, grid.size.x()) && is_between(j, grid.size.y()) && is_between(k, grid.size.z()) &&
-            (voxel[-1] & voxel[1] & voxel[-row] & voxel[row] & voxel[-slice] & voxel[slice]) != 0)
+        if (all_around && (voxel[-1] & voxel[1] & voxel[-row] & voxel[row] & voxel[-slice] & voxel[slice]) != 0)
           continue;
         for (std::size_t n = 0; n < shapes.size(); ++n) {
-          const FaceShape& shape = shapes[n];
-          const Eigen::Vector3i next = Eigen::Vector3i(i, j, k) + shape.step;
-          if (!grid.contains(next.x(), next.y(), next.z()) || voxel[to_next[n]] != 0) continue;
-          const Eigen::Vector3d voxel_m = grid.origin_m + grid.axes_m * Eigen::Vector3d(i, j, k);
-          faces.push_back({voxel_m + shape.to_center_m, shape.outward_area_m2,
-                           2 * Eigen::Vector3i(i, j, k) + shape.step, static_cast<int>(n)});
+          const Eigen::Vector3i next = Eigen::Vector3i(i, j, k) + shapes[n].step;
+          if (!all_around && !grid.contains(next.x(), next.y(), next.z())) continue;
+          if (voxel[to_next[n]] == 0)
+            faces.push_back({2 * Eigen::Vector3i(i, j, k) + shapes[n].step, static_cast<int>(n)});
         }
       }
     }
@@ -177,11 +181,11 @@ std::vector<Eigen::Vector3f> smoothed_normals(const VoxelGrid& grid, const std::
   std::array<std::vector<float>, 6> sums;
   std::size_t begin = 0;
   while (begin < faces.size()) {
-    const Eigen::Vector3i block = faces[blocks.faces[begin]].twice / kBlock;
+    const Eigen::Vector3i block = blocks.faces[begin].twice / kBlock;
     const std::size_t end = blocks.first[blocks.at(block) + 1];
-    gather_near(blocks, faces, weights, block, near);
+    gather_near(blocks, weights, block, near);
     const auto row_in_block = [&](std::size_t i) {
-      const Eigen::Vector3i at = faces[blocks.faces[i]].twice - kBlock * block;
+      const Eigen::Vector3i at = blocks.faces[i].twice - kBlock * block;
       return static_cast<std::size_t>(at.z()) * kBlock + static_cast<std::size_t>(at.y());
     };
     rows.clear();
@@ -197,14 +201,15 @@ std::vector<Eigen::Vector3f> smoothed_normals(const VoxelGrid& grid, const std::
       add_weights(weights.middle(), near[n], rows, sums[n]);
     }
     for (std::size_t i = begin; i < end; ++i) {
-      const BoundaryFace& face = faces[blocks.faces[i]];
+      const BoundaryFace& face = blocks.faces[i];
+      const Eigen::Vector3d& own = shapes[static_cast<std::size_t>(face.shape)].outward_area_m2;
       const std::size_t at = row_of[row_in_block(i)] * kRowPlaces + static_cast<std::size_t>(face.twice.x() % kBlock);
       Eigen::Vector3d sum = Eigen::Vector3d::Zero();
       for (std::size_t n = 0; n < shapes.size(); ++n)
         sum += static_cast<double>(sums[n][at]) * shapes[n].outward_area_m2;
       // Opposite sides of a plate thinner than the ball cancel out; then the face's own normal has to do.
-      const bool cancelled = !(sum.norm() > 1e-6 * face.outward_area_m2.norm());
-      normals[blocks.faces[i]] = (cancelled ? face.outward_area_m2 : sum).normalized().cast<float>();
+      const bool cancelled = !(sum.norm() > 1e-6 * own.norm());
+      normals[blocks.numbers[i]] = (cancelled ? own : sum).normalized().cast<float>();
     }
     begin = end;
   }
@@ -213,12 +218,13 @@ std::vector<Eigen::Vector3f> smoothed_normals(const VoxelGrid& grid, const std::
 
 namespace {
 
-std::vector<Eigen::Vector3f> voronoi_normals_of(const std::vector<BoundaryFace>& faces, double step_m,
-                                                double radius_m) {
+std::vector<Eigen::Vector3f> voronoi_normals_of(const VoxelGrid& grid, const std::vector<BoundaryFace>& faces,
+                                                double step_m, double radius_m) {
+  const auto shapes = face_shapes(grid.axes_m);
   std::vector<Eigen::Vector3d> centers_m, outward;
   for (const BoundaryFace& face : faces) {
-    centers_m.push_back(face.center_m);
-    outward.push_back(face.outward_area_m2);
+    centers_m.push_back(center_of(grid, face));
+    outward.push_back(shapes[static_cast<std::size_t>(face.shape)].outward_area_m2);
   }
   return voronoi_normals(centers_m, outward, {step_m, kVoronoiOffset * radius_m, kVoronoiRadius * radius_m});
 }
@@ -230,15 +236,17 @@ void add_voxel_surfels(const VoxelGrid& grid, const NormalWindow& window, std::v
   if (faces.empty()) return;
   const double step_m = std::cbrt(std::abs(grid.axes_m.determinant()));
   const std::vector<Eigen::Vector3f> normals = window.method == GridNormals::voronoi
-                                                   ? voronoi_normals_of(faces, step_m, window.radius_m)
+                                                   ? voronoi_normals_of(grid, faces, step_m, window.radius_m)
                                                    : smoothed_normals(grid, faces, window.radius_m);
+  const auto shapes = face_shapes(grid.axes_m);
   const double step_area = step_m * step_m;
   surfels.reserve(faces.size());
   for (std::size_t i = 0; i < faces.size(); ++i) {
     ScanSurfel surfel;
-    surfel.position_m = faces[i].center_m.cast<float>();
+    surfel.position_m = center_of(grid, faces[i]).cast<float>();
     surfel.inward_normal = -normals[i];
-    const double seen = faces[i].outward_area_m2.dot(normals[i].cast<double>()) / step_area;
+    const double seen =
+        shapes[static_cast<std::size_t>(faces[i].shape)].outward_area_m2.dot(normals[i].cast<double>()) / step_area;
     surfel.weight = static_cast<float>(std::max(0.0, seen));
     surfels.push_back(surfel);
   }

@@ -90,8 +90,8 @@ struct Look {
   const std::vector<SurfacePoint>& points;
   double per_point = 1.0;  ///< surfels that each stands for
   double radius_m = 0.0;
-  double agree_m = 0.0;           ///< how far off a surfel that agrees is at most
-  double station_spans = 0.0;     ///< from one to the next
+  double agree_m = 0.0;        ///< how far off a surfel that agrees is at most
+  double station_spans = 0.0;  ///< from one to the next
   double stations_per_span = 0.0;
   std::vector<SectionAxes> axes;  ///< of the stations
 
