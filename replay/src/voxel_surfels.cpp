@@ -37,14 +37,18 @@ Eigen::Vector3d center_of(const VoxelGrid& grid, const BoundaryFace& face) {
   return grid.origin_m + grid.axes_m * (0.5 * face.twice.cast<double>());
 }
 
+std::uint64_t eight_at(const std::uint8_t* first) {
+  std::uint64_t eight = 0;
+  std::memcpy(&eight, first, 8);
+  return eight;
+}
+
 /// The first voxel of a row, from the i-th on, that is in the body; `count` where none is. Most of a volume is empty.
 int next_inside(const std::uint8_t* row, int i, int count) {
-  std::uint64_t eight = 0;
-  while (i + 8 <= count) {
-    std::memcpy(&eight, row + i, 8);
-    if (eight != 0) break;
-    i += 8;
-  }
+  while (i + 32 <= count &&
+         (eight_at(row + i) | eight_at(row + i + 8) | eight_at(row + i + 16) | eight_at(row + i + 24)) == 0)
+    i += 32;
+  while (i + 8 <= count && eight_at(row + i) == 0) i += 8;
   while (i < count && row[i] == 0) ++i;
   return i;
 }
