@@ -51,7 +51,8 @@ void trace_on_both_ways(const AccumulationMap& votes, double radius_m, RecycledV
   }
 }
 
-/// Carries on the traced line of a fitted seed, or where there is none the seed itself.
+/// Carries on the traced line of a fitted seed, or where there is none the seed itself, if that makes it a long one: a
+/// mug's votes lead beyond it.
 void trace_on_from(const AccumulationMap& votes, TubeModel& fitted, Seed& seed) {
   if (seed.line_m.size() > 3) {
     trace_on_both_ways(votes, fitted.radius_m, seed.line_m);
@@ -60,7 +61,8 @@ void trace_on_from(const AccumulationMap& votes, TubeModel& fitted, Seed& seed) 
   RecycledVector<Eigen::Vector3d> line_m;
   for (const double part : {0.0, 0.5, 1.0}) line_m.push_back(point_at(fitted.spline, part * fitted.spline.spans()));
   trace_on_both_ways(votes, fitted.radius_m, line_m);
-  if (line_m.size() > 3) fitted.spline = spline_along(line_m, kKnotSpacingRadii * fitted.radius_m);
+  constexpr std::size_t kLong = 8;
+  if (line_m.size() > kLong) fitted.spline = spline_along(line_m, kKnotSpacingRadii * fitted.radius_m);
 }
 
 /// The radius votes come from, over the trace: the median of its points.

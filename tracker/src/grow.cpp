@@ -96,10 +96,9 @@ struct Rounds {
   int at_most = 40;
   double max_gap_radii = 4.0;  ///< hidden stretches that it may cross
   double suppleness = 1.0;
-  double length_m = 0.0;  ///< what it was found to be before; then the first fit may be the last
-  /// Settled as soon as a fit hardly moves it. Not what grows from a seed: an end that is seen little, behind a gap,
-  /// comes to its place by small steps.
-  bool course_known = false;
+  /// What it was found to be before: it is settled then as soon as a fit hardly moves it. Not what grows from a seed:
+  /// an end that is seen little, behind a gap, comes to its place by small steps.
+  double length_m = 0.0;
 };
 
 /// Looks how far the image confirms the tube, fits to that part alone, lengthens or shortens it, until it stays. What
@@ -110,7 +109,6 @@ std::optional<FoundTube> grow_until_settled(const HeightMap& map, const TrackerC
   constexpr double kLeap = 0.5;   // radii: what the image confirms does not move so far
   constexpr int kMaxLeaps = 2;
   constexpr int kMaxSwings = 4;  // a tube that was followed too far comes back once
-  constexpr int kPatience = 6;   // rounds without having become longer
   FoundTube found;
   found.model = std::move(model);
   FitOptions options;
@@ -122,8 +120,7 @@ std::optional<FoundTube> grow_until_settled(const HeightMap& map, const TrackerC
   thread_local Sighting sighting;  // for its buffers
   look(map, config, stride, rounds.max_gap_radii, found);
   double length_before_m = rounds.length_m;
-  double longest_m = 0.0;
-  int swings = 0, leaps = 0, longest_round = 0;
+  int swings = 0, leaps = 0;
   for (int round = 0; round < rounds.at_most; ++round) {
     if (found.extent.t_end <= found.extent.t_begin) return std::nullopt;
     const double gate_m = (round == 0 ? 0.2 : 0.1) * found.model.radius_m;
@@ -143,11 +140,9 @@ std::optional<FoundTube> grow_until_settled(const HeightMap& map, const TrackerC
     const double moved = moved_m(before, found.model, fitted) / radius_m;
     if (round > 0 && moved > kLeap && ++leaps == kMaxLeaps) return std::nullopt;
     if (round > 3 && length_m < length_before_m - radius_m && ++swings == kMaxSwings) return std::nullopt;
-    if (length_m > longest_m + 0.1 * radius_m) longest_m = length_m, longest_round = round;
     const bool settled = std::abs(length_m - length_before_m) < 0.1 * radius_m;
-    const bool calm = rounds.course_known && moved < kCalm;
-    if (settled && (round >= rounds.before_settled || calm)) break;
-    if (round - longest_round >= kPatience || round + 1 == rounds.at_most) break;
+    const bool calm = rounds.length_m > 0.0 && moved < kCalm;
+    if ((settled && (round >= rounds.before_settled || calm)) || round + 1 == rounds.at_most) break;
     length_before_m = length_m;
     reach_beyond(found.model.spline, found.extent);
     if (spacing_m(found.model.spline) < 1e-4) return std::nullopt;
@@ -165,19 +160,16 @@ int growing_stride(const HeightMap& map, const TubeModel& model) {
 }
 
 /// Grows to the full length with a part of the pixels, where that is worth it, and then with all.
-std::optional<FoundTube> grow_model(const HeightMap& map, const TrackerConfig& config, TubeModel model,
-                                    bool course_known) {
+std::optional<FoundTube> grow_model(const HeightMap& map, const TrackerConfig& config, TubeModel model) {
   const int stride = growing_stride(map, model);
   Rounds rounds;
-  rounds.course_known = course_known;
   if (stride > 1) {
-    auto coarse = grow_until_settled(map, config, std::move(model), stride, rounds);
+    auto coarse = grow_until_settled(map, config, std::move(model), stride, {});
     if (!coarse) return std::nullopt;
     if (hopeless(coarse->evidence, coarse->model.radius_m, config) &&
         !silhouette_radius_m(coarse->evidence, coarse->model.radius_m))
       return std::nullopt;
-    rounds.before_settled = 1;
-    rounds.at_most = 3;
+    rounds = {1, 3};
     model = std::move(coarse->model);
   }
   auto found = grow_until_settled(map, config, std::move(model), 1, rounds);
@@ -192,10 +184,10 @@ std::optional<FoundTube> grow_from(const HeightMap& map, const TrackerConfig& co
                                    const RecycledVector<Eigen::Vector3d>& line_m) {
   if (line_m.size() > 3) {
     TubeModel traced{spline_along(line_m, kKnotSpacingRadii * start.radius_m), start.radius_m};
-    auto found = grow_model(map, config, std::move(traced), true);
+    auto found = grow_model(map, config, std::move(traced));
     if (found && !why_no_tube(found->evidence, found->model.radius_m, config)) return found;
   }
-  return grow_model(map, config, start, false);
+  return grow_model(map, config, start);
 }
 
 /// Notes that the silhouettes say how thick a tube is.
@@ -249,7 +241,7 @@ void go_on_behind(const HeightMap& map, const TrackerConfig& config, FoundTube& 
   FoundTube whole;
   double length_m = 0.0;
   for (const double suppleness : {0.1, 1.0}) {
-    const Rounds rounds{1, 8, kGapRadii, suppleness, length_m, length_m > 0.0};
+    const Rounds rounds{1, 8, kGapRadii, suppleness, length_m};
     auto grown = grow_until_settled(map, held, std::move(longer), suppleness < 1.0 ? stride : 1, rounds);
     if (!grown || grown->evidence.length_m < tube.evidence.length_m + 0.5 * tube.model.radius_m) return;
     if (grown->evidence.noise_ratio > 1.25 * tube.evidence.noise_ratio) return;
@@ -266,7 +258,7 @@ void go_on_behind(const HeightMap& map, const TrackerConfig& config, FoundTube& 
 void fit_again(const HeightMap& map, const TrackerConfig& config, FoundTube& tube) {
   TrackerConfig held = config;
   if (tube.held_radius_m) held.radius_m = tube.held_radius_m;
-  const Rounds rounds{2, 4, kHiddenSpans * kKnotSpacingRadii, 1.0, length_of(tube), true};
+  const Rounds rounds{2, 4, kHiddenSpans * kKnotSpacingRadii, 1.0, length_of(tube)};
   auto again = grow_until_settled(map, held, tube.model, 1, rounds);
   if (!again || again->evidence.length_m < 0.8 * tube.evidence.length_m) return;
   look_beside(map, config.noise, again->model, again->extent, again->evidence);
