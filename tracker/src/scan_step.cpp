@@ -1,6 +1,7 @@
 #include "scan_step.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 
 #include "fit_steps.hpp"
@@ -19,29 +20,75 @@ struct ScanEquations {
   int used = 0;
 };
 
+/// The basis in the middle of each of a span's stretches.
+std::array<std::array<double, 4>, kStretchesPerSpan> basis_of_stretches(const Spline& spline) {
+  std::array<std::array<double, 4>, kStretchesPerSpan> values{};
+  for (std::size_t k = 0; k < values.size(); ++k)
+    values[k] = basis_at(spline, (static_cast<double>(k) + 0.5) / kStretchesPerSpan).value;
+  return values;
+}
+
+/// What a span's stretches say of its four control points and the radius, summed up before it goes into the band.
+struct SpanEquations {
+  std::array<std::array<double, 6>, 10> tied{};  // of point i with point j up to i: xx, xy, xz, yy, yz, zz
+  std::array<Eigen::Vector3d, 4> right, radius;
+
+  SpanEquations() {
+    right.fill(Eigen::Vector3d::Zero());
+    radius.fill(Eigen::Vector3d::Zero());
+  }
+
+  void add(const StretchSums& s, const std::array<double, 4>& basis) {
+    const Eigen::Matrix3d& m = s.point_point;
+    const std::array<double, 6> own{m(0, 0), m(1, 0), m(2, 0), m(1, 1), m(2, 1), m(2, 2)};
+    std::size_t pair = 0;
+    for (std::size_t i = 0; i < 4; ++i) {
+      for (std::size_t j = 0; j <= i; ++j, ++pair) {
+        const double both = basis[i] * basis[j];
+        for (std::size_t k = 0; k < own.size(); ++k) tied[pair][k] += both * own[k];
+      }
+      right[i] += basis[i] * s.point_residual;
+      radius[i] += basis[i] * s.point_radius;
+    }
+  }
+
+  void add_to(std::size_t first, bool free_radius, ScanEquations& eq) const {
+    double* const radius_row = eq.matrix.row(eq.matrix.rows() - 1);
+    std::size_t pair = 0;
+    for (std::size_t i = 0; i < 4; ++i) {
+      for (std::size_t j = 0; j <= i; ++j, ++pair) {
+        const auto& [xx, xy, xz, yy, yz, zz] = tied[pair];
+        Eigen::Matrix3d block;
+        block << xx, xy, xz, xy, yy, yz, xz, yz, zz;
+        eq.matrix.add(first + i, first + j, block);
+      }
+      const auto row = static_cast<Eigen::Index>(3 * (first + i));
+      eq.right.segment<3>(row) += right[i];
+      for (Eigen::Index axis = 0; free_radius && axis < 3; ++axis) radius_row[row + axis] += radius[i][axis];
+    }
+  }
+};
+
 /// As observed_equations.
 ScanEquations observed_by(const RecycledVector<StretchSums>& stretches, const TubeModel& model, bool free_radius) {
   const auto size = static_cast<Eigen::Index>(3 * model.spline.control_m.size() + 1);
   const Eigen::Index radius_at = size - 1;
   ScanEquations eq{BandMatrix(size), Eigen::VectorXd::Zero(size)};
-  double* const radius_row = eq.matrix.row(radius_at);
-  for (std::size_t k = 0; k < stretches.size(); ++k) {
-    const StretchSums& s = stretches[k];
-    if (s.used == 0) continue;
-    eq.used += s.used;
-    eq.chi2 += s.chi2;
-    const SplineBasis basis = basis_at(model.spline, (static_cast<double>(k) + 0.5) / kStretchesPerSpan);
-    for (std::size_t i = 0; i < 4; ++i) {
-      const auto row = static_cast<Eigen::Index>(3 * (basis.first + i));
-      for (std::size_t j = 0; j <= i; ++j)
-        eq.matrix.add(basis.first + i, basis.first + j, basis.value[i] * basis.value[j] * s.point_point);
-      eq.right.segment<3>(row) += basis.value[i] * s.point_residual;
-      for (Eigen::Index axis = 0; free_radius && axis < 3; ++axis)
-        radius_row[row + axis] += basis.value[i] * s.point_radius[axis];
+  const auto basis = basis_of_stretches(model.spline);
+  for (std::size_t begin = 0; begin < stretches.size(); begin += kStretchesPerSpan) {
+    SpanEquations span;
+    const int used = eq.used;
+    for (std::size_t k = 0; k < kStretchesPerSpan; ++k) {
+      const StretchSums& s = stretches[begin + k];
+      if (s.used == 0) continue;
+      eq.used += s.used;
+      eq.chi2 += s.chi2;
+      span.add(s, basis[k]);
+      if (!free_radius) continue;
+      eq.matrix.row(radius_at)[radius_at] += s.radius_radius;
+      eq.right[radius_at] += s.radius_residual;
     }
-    if (!free_radius) continue;
-    radius_row[radius_at] += s.radius_radius;
-    eq.right[radius_at] += s.radius_residual;
+    if (eq.used > used) span.add_to(begin / kStretchesPerSpan, free_radius, eq);
   }
   return eq;
 }
