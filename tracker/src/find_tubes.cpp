@@ -61,7 +61,7 @@ void trace_on_from(const AccumulationMap& votes, TubeModel& fitted, Seed& seed) 
   RecycledVector<Eigen::Vector3d> line_m;
   for (const double part : {0.0, 0.5, 1.0}) line_m.push_back(point_at(fitted.spline, part * fitted.spline.spans()));
   trace_on_both_ways(votes, fitted.radius_m, line_m);
-  constexpr std::size_t kLong = 8;
+  constexpr std::size_t kLong = 16;
   if (line_m.size() > kLong) fitted.spline = spline_along(line_m, kKnotSpacingRadii * fitted.radius_m);
 }
 

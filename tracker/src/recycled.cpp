@@ -10,6 +10,9 @@ namespace {
 
 constexpr std::size_t kLeastBits = 6;  // blocks are of 2^6 bytes and more, so that they hold a pointer and are aligned
 constexpr std::size_t kMostBits = 26;  // 64 MB; what is larger is the system's
+constexpr std::size_t kSmallBits =
+    9;  // of small blocks some are taken ahead: how many are in use at once varies a little
+constexpr int kAhead = 15;
 constexpr std::align_val_t kAlignment{64};
 
 // Sanitizers see what is used after it was given back only where it really is freed.
@@ -57,8 +60,13 @@ Spare** spares_of(std::size_t bits) {
 void* take_memory(std::size_t bytes) {
   if (bytes == 0) return nullptr;
   const std::size_t bits = bits_of(bytes);
-  if (Spare** const spares = spares_of(bits); spares && *spares) return std::exchange(*spares, (*spares)->next);
-  return ::operator new(std::size_t{1} << bits, kAlignment);
+  const std::size_t size = std::size_t{1} << bits;
+  Spare** const spares = spares_of(bits);
+  if (spares && *spares) return std::exchange(*spares, (*spares)->next);
+  if (spares && bits <= kSmallBits) {
+    for (int i = 0; i < kAhead; ++i) *spares = new (::operator new(size, kAlignment)) Spare{*spares};
+  }
+  return ::operator new(size, kAlignment);
 }
 
 void give_back_memory(void* memory, std::size_t bytes) noexcept {
