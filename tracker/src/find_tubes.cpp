@@ -217,7 +217,8 @@ RecycledVector<FoundTube> find_tubes(AccumulationMap& votes, std::span<const Sur
     watch.lap(times.trace_ms);
     if (!std::exchange(known_are_hidden, true)) hide_others(known, nullptr, nullptr, map, hidden);
     auto start = fit_seed(map, config, seed);
-    if (start) trace_on_from(votes, start->model, seed);
+    // Not beside known ones: a tube that comes back would be lost now and then.
+    if (start && known.empty()) trace_on_from(votes, start->model, seed);
     auto found = start ? grow_tube(map, config, *start, seed.line_m) : std::nullopt;
     if (found && why_no_tube(found->evidence, found->model.radius_m, config)) {
       refused.push_back(seed);
