@@ -8,6 +8,7 @@
 
 #include "confidence.hpp"
 #include "hide.hpp"
+#include "motion.hpp"
 #include "shape_sums.hpp"
 #include "tubetrack/tracker/join.hpp"
 #include "tubetrack/tracker/recycled.hpp"
@@ -48,17 +49,23 @@ double distance_m(const RecycledVector<Eigen::Vector3d>& from, const RecycledVec
   return sum / static_cast<double>(from.size());
 }
 
-/// Can the found tube be the one that went out of sight? How far it would have come, or nothing.
+/// Can the found tube be the one that went out of sight? How far it would have come, or nothing: from where it was
+/// expected by its last velocity, or from where it was seen last, as it may have stopped or turned back unseen.
 std::optional<double> way_back_m(const FollowedTube& missing, const FoundTube& found, double timestamp_s) {
   const double sigma = std::hypot(missing.quality.radius_sigma_m, found.quality.radius_sigma_m);
   const double off = std::abs(missing.model.radius_m - found.model.radius_m);
   const double varies_m = std::max(spread_m(missing.model.profile), spread_m(found.model.profile));
   if (off > 4.0 * sigma + 0.05 * missing.model.radius_m + varies_m) return std::nullopt;
-  const auto old_line = samples_of(missing.model, missing.extent);
+  const double away_s = std::max(0.0, timestamp_s - missing.last_seen_s);
+  TubeModel last_seen = missing.model;
+  move(last_seen, during(missing.velocity, -away_s));
   const auto new_line = samples_of(found.model, found.extent);
   // A part of a tube is that tube: the shorter line decides.
-  const double way = std::min(distance_m(old_line, new_line), distance_m(new_line, old_line));
-  const double away_s = std::max(0.0, timestamp_s - missing.last_seen_s);
+  const auto way_from = [&](const TubeModel& old) {
+    const auto old_line = samples_of(old, missing.extent);
+    return std::min(distance_m(old_line, new_line), distance_m(new_line, old_line));
+  };
+  const double way = std::min(way_from(missing.model), way_from(last_seen));
   if (way > 2.0 * missing.model.radius_m + kFastest_m_s * away_s) return std::nullopt;
   return way;
 }

@@ -29,8 +29,8 @@ RecycledVector<Eigen::Vector3d> smooth_part(const RecycledVector<TracePoint>& tr
   const auto calm = [&](const TracePoint& before, const TracePoint& at, const TracePoint& after) {
     const Eigen::Vector3d first = at.position_m - before.position_m;
     const Eigen::Vector3d second = after.position_m - at.position_m;
-    return first.dot(second) > 0.82 * first.norm() * second.norm() &&
-           std::abs(after.radius_m - radius_m) < 0.25 * radius_m;
+    return first.dot(second) > kSmoothTurn * first.norm() * second.norm() &&
+           std::abs(after.radius_m - radius_m) < kOneRadius * radius_m;
   };
   RecycledVector<Eigen::Vector3d> line;
   if (start == trace.end() || start == trace.begin() || start + 1 == trace.end()) return line;
@@ -217,8 +217,7 @@ RecycledVector<FoundTube> find_tubes(AccumulationMap& votes, std::span<const Sur
     watch.lap(times.trace_ms);
     if (!std::exchange(known_are_hidden, true)) hide_others(known, nullptr, nullptr, map, hidden);
     auto start = fit_seed(map, config, seed);
-    // Not beside known ones: a tube that comes back would be lost now and then.
-    if (start && known.empty()) trace_on_from(votes, start->model, seed);
+    if (start) trace_on_from(votes, start->model, seed);
     auto found = start ? grow_tube(map, config, *start, seed.line_m) : std::nullopt;
     if (found && why_no_tube(found->evidence, found->model.radius_m, config)) {
       refused.push_back(seed);

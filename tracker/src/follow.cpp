@@ -51,13 +51,12 @@ bool judge_motion(FollowedTube& tube, const HeightMap& map, const TrackerConfig&
   const auto first = motion_seen(tube, model, view);
   if (!first) return false;
   if (tube.at_rest && motion_chi2(model, *first, tube.pooled.matrix) < kRestChi2) return true;
-  const TubeModel before = model;
-  const int near_before = view.near.used;
+  const int near_at_rest = view.near.used;
   move(model, first->twist);
   predict(tube, map, config, model);
   view = view_of(tube, map, config, model, kFitGate, 0.25);
-  if (tube.at_rest && view.near.used < kAsMany * near_before) {
-    model = before;
+  if (tube.at_rest && view.near.used < kAsMany * near_at_rest) {
+    model = tube.model;
     predict(tube, map, config, model);
     view = view_of(tube, map, config, model, kFitGate, kFitGate);
     return true;

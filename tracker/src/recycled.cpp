@@ -10,8 +10,8 @@ namespace {
 
 constexpr std::size_t kLeastBits = 6;  // blocks are of 2^6 bytes and more, so that they hold a pointer and are aligned
 constexpr std::size_t kMostBits = 26;  // 64 MB; what is larger is the system's
-constexpr std::size_t kSmallBits =
-    9;  // of small blocks some are taken ahead: how many are in use at once varies a little
+// Of small blocks, to 512 bytes, some are taken ahead: how many are in use at once varies a little.
+constexpr std::size_t kSmallBits = 9;
 constexpr int kAhead = 15;
 constexpr std::align_val_t kAlignment{64};
 

@@ -84,7 +84,6 @@ RecycledVector<TracePoint> trace_one_way(const AccumulationMap& map, const Voxel
 void trace_on(const AccumulationMap& map, double radius_m, int least_votes, const TraceOptions& options,
               RecycledVector<Eigen::Vector3d>& line_m) {
   constexpr int kMostUnseen = 3;
-  constexpr double kCalm = 0.82;  // cosine
   int unseen = 0;
   for (int i = 0; i < options.max_steps && unseen <= kMostUnseen; ++i) {
     const Eigen::Vector3d last_m = line_m.back();
@@ -93,8 +92,8 @@ void trace_on(const AccumulationMap& map, double radius_m, int least_votes, cons
     const VoxelIndex next = best_on_patch(map, center_m, direction, options);
     const TracePoint point = point_at(map, next, map.box(next, options.box_half));
     const Eigen::Vector3d step = point.position_m - last_m;
-    const bool inside = point.votes >= least_votes && std::abs(point.radius_m - radius_m) < 0.25 * radius_m &&
-                        step.dot(direction) > kCalm * step.norm();
+    const bool inside = point.votes >= least_votes && std::abs(point.radius_m - radius_m) < kOneRadius * radius_m &&
+                        step.dot(direction) > kSmoothTurn * step.norm();
     if (!inside) {
       ++unseen;
       continue;

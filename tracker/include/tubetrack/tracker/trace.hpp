@@ -30,6 +30,10 @@ bool is_inside_tube(int votes, int start_votes, const Eigen::Vector3d& step, con
 RecycledVector<TracePoint> trace_one_way(const AccumulationMap& map, const VoxelIndex& start, bool in_front,
                                          const TraceOptions& options);
 
+/// A line runs smoothly where it turns by less than this (a cosine) from step to step, and votes come from one radius
+/// to within this part of it.
+inline constexpr double kSmoothTurn = 0.82, kOneRadius = 0.25;
+
 /// Lengthens a line at its end by what a few votes tell of a tube of its radius that goes on there, across gaps of
 /// three steps at most. Of three points or more.
 void trace_on(const AccumulationMap& map, double radius_m, int least_votes, const TraceOptions& options,
