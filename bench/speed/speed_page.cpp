@@ -42,7 +42,7 @@ constexpr const char* kNextFactor =
 - **moving camera**: all is new in every frame, so half of the rows are searched a frame. Next: records that move with
   the poses, so that only what comes into view is new.
 - **first frames**: most of a tube is traced before it is grown, but five rounds predict and fit all of it until nothing
-  moves, at full resolution, and half of a first frame without tubes is surfels. Next: fewer rounds.
+  moves, and of a first frame without tubes a third is surfels. Next: fewer rounds.
 - **fit for 1,000 pixels**: its goal is 30 ns a pixel, in which each is predicted two or three times, compared, chosen
   and summed into the normal equations, and evidence is gathered. Next: fewer pixels, as above; each second one costs
   σ · √2 where noise is what limits.
