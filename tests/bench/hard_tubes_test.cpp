@@ -90,5 +90,10 @@ TEST(HardTubes, ATubeThatTurnsBackOutOfSightKeepsItsId) {
   EXPECT_GT(figures.score.idf1(), 0.99);
 }
 
+// In the frame in which a last strip of it was left it was followed still, 4.6 mm off.
+TEST(HardTubes, ATubeThatLeavesIsGivenUpWithItsLastStrip) {
+  EXPECT_LT(follow("leaving", 107).score.rms_m(), 0.00016);
+}
+
 }  // namespace
 }  // namespace tubetrack::bench

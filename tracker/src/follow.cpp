@@ -26,11 +26,17 @@ constexpr double kStale = 0.02;  // radii: so far a model may have moved from th
 // Radii: at rest the last pixels are taken again while the model is so near to theirs, far below the noise of a
 // reading.
 constexpr double kUnmoved = 0.002;
+// Radii: a frame that leaves a tube's place across its axis this unsure, as the last strip of one that leaves the view,
+// does not show it.
+constexpr double kVague = 0.05;
 
 /// The motion from where a model is to where the frame sees it; empty where it sees too little to tell.
 std::optional<MotionEstimate> motion_seen(const FollowedTube& tube, const TubeModel& model, const View& view) {
   if (view.all.used < 20) return std::nullopt;
-  return estimate_motion(model, view.all.matrix, view.all.right, tube.radius_information);
+  const MotionEstimate motion = estimate_motion(model, view.all.matrix, view.all.right, tube.radius_information);
+  const Eigen::Vector3d axis = derivative_at(model.spline, 0.5 * (tube.extent.t_begin + tube.extent.t_end));
+  if (sigma_across_m(motion, axis.normalized()) > kVague * model.radius_m) return std::nullopt;
+  return motion;
 }
 
 /// Are the tube's pixels, along what is in sight, nearly those of a model?

@@ -123,6 +123,15 @@ MotionEstimate estimate_motion(const TubeModel& model, const RecycledMatrix& obs
   return estimate;
 }
 
+double sigma_across_m(const MotionEstimate& estimate, const Eigen::Vector3d& axis) {
+  const Eigen::Vector3d u = axis.unitOrthogonal();
+  const Eigen::Vector3d v = axis.cross(u);
+  const Eigen::Matrix3d shift = estimate.information.topLeftCorner<3, 3>();
+  const double a = u.dot(shift * u), b = u.dot(shift * v), c = v.dot(shift * v);
+  const double least = 0.5 * (a + c) - std::hypot(0.5 * (a - c), b);  // the smaller eigenvalue
+  return 1.0 / std::sqrt(std::max(least, 1e-12));
+}
+
 double motion_chi2(const TubeModel& model, const MotionEstimate& estimate, const RecycledMatrix& known) {
   const Matrix7 before = onto_motion(model, known) + weak_prior(model);
   const Matrix6 covariance = estimate.information.inverse() + before.inverse().topLeftCorner<6, 6>();

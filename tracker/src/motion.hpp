@@ -52,6 +52,10 @@ struct MotionEstimate {
 MotionEstimate estimate_motion(const TubeModel& model, const RecycledMatrix& observed,
                                const RecycledColumn& observed_right, double radius_information);
 
+/// σ of the shift across a tube's axis (a unit vector), where it is known least, given its turn: so that what is seen
+/// well at one end alone counts as known.
+double sigma_across_m(const MotionEstimate& estimate, const Eigen::Vector3d& axis);
+
 /// χ² (6 degrees of freedom) of an estimated motion against none, where the place moved from is itself only known to
 /// `known` (a matrix as Information's).
 double motion_chi2(const TubeModel& model, const MotionEstimate& estimate, const RecycledMatrix& known);
