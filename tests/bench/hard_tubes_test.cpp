@@ -78,9 +78,10 @@ Figures follow(std::string_view row_name, std::uint64_t scene) {
   return run_row(*row, {tubetrack_method()}, options, [] {}).front().sequence;
 }
 
-// The hand that comes over it pulls at it; it was taken to move along, 1.5 mm off in one frame.
+// The hand that comes over it pulls at it; it was taken to move along, 1.5 and 3.7 mm off in single frames.
 TEST(HardTubes, ATubeAtRestStaysWhereItIsBehindAHandThatMoves) {
   EXPECT_LT(follow("hand", 30).score.rms_m(), 0.00009);
+  EXPECT_LT(follow("hand", 44).score.rms_m(), 0.00012);
 }
 
 // It came back to where it had left; expected 0.5 m on, at its last speed, it was another tube.

@@ -14,10 +14,7 @@ namespace tubetrack {
 
 namespace {
 
-constexpr double kRestChi2 = 30.0;  // 6 degrees of freedom: once in 25,000 frames by chance
-// Of the readings near a tube at rest, so many must be near it where it is thought to have moved to: a hand that comes
-// in front pulls at it, but leaves what is still seen of it where it was.
-constexpr double kAsMany = 0.95;
+constexpr double kRestChi2 = 30.0;      // 6 degrees of freedom: once in 25,000 frames by chance
 constexpr int kFramesToComeToRest = 6;  // long enough for 1 mm/s to show
 // Radii: so little a placing may still move for the fit to take it along. At four times as much a tube that leaves and
 // comes back is lost now and then.
@@ -48,6 +45,12 @@ bool has_pixels_of(const FollowedTube& tube, const TubeModel& model) {
   return same_spans && one_radius && moved_m(of, model, tube.extent) <= kUnmoved * model.radius_m;
 }
 
+/// How badly the readings fit a place, to compare two: one that is not near it counts as if it were four σ off. A hand
+/// that comes in front of a tube at rest pulls at it, but leaves what is still seen of it where it was.
+double misfit(const ObservedEquations& near) {
+  return near.chi2 - 16.0 * near.used;
+}
+
 /// Goes over from rest to motion and back. `model` starts where the tube is expected and ends where the frame sees it,
 /// or so near that one step of the fit goes there, with its pixels predicted and what the frame says of it in `view`.
 bool judge_motion(FollowedTube& tube, const HeightMap& map, const TrackerConfig& config, TubeModel& model,
@@ -57,11 +60,11 @@ bool judge_motion(FollowedTube& tube, const HeightMap& map, const TrackerConfig&
   const auto first = motion_seen(tube, model, view);
   if (!first) return false;
   if (tube.at_rest && motion_chi2(model, *first, tube.pooled.matrix) < kRestChi2) return true;
-  const int near_at_rest = view.near.used;
+  const double misfit_at_rest = misfit(view.near);
   move(model, first->twist);
   predict(tube, map, config, model);
   view = view_of(tube, map, config, model, kFitGate, 0.25);
-  if (tube.at_rest && view.near.used < kAsMany * near_at_rest) {
+  if (tube.at_rest && misfit(view.near) > misfit_at_rest) {
     model = tube.model;
     predict(tube, map, config, model);
     view = view_of(tube, map, config, model, kFitGate, kFitGate);
