@@ -86,7 +86,7 @@ Observed observed_of(const SurfelGrid& grid, const std::vector<SurfacePoint>& po
           points.empty() ? 1.0 : count / std::max(sum_area, count)};
 }
 
-constexpr int kWindowSpans = 32, kMarginSpans = 8;
+constexpr int kWindowSpans = 512, kMarginSpans = 8;
 
 struct Stretch {
   int begin = 0, end = 0;            // spans that the window is fitted over
