@@ -156,4 +156,16 @@ std::vector<SurfacePoint> points_near(const SurfelGrid& grid, std::span<const ch
   return placed.take();
 }
 
+void place_again(const SurfelGrid& grid, const ScanLine& line, std::vector<SurfacePoint>& points) {
+  PlacedPoints placed(grid, line);
+  placed.expect(points.size());
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    // Where a closed line overlaps itself a surfel is there twice, and is once more when it is placed.
+    if (i > 0 && points[i].surfel == points[i - 1].surfel) continue;
+    placed.add(static_cast<std::int32_t>(points[i].surfel),
+               static_cast<std::uint32_t>(std::lround(kNodesPerSpan * std::max(0.0, points[i].t))));
+  }
+  points = placed.take();
+}
+
 }  // namespace tubetrack
