@@ -2,7 +2,6 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
-#include <limits>
 #include <vector>
 
 #include "grid_surfels.hpp"
@@ -90,8 +89,14 @@ struct RowSums {
   std::vector<int> breaks;               ///< steps that are steep, or to nothing
 };
 
-/// Windows in which all heights hang together have sums for a plane: `slope_row` gets the slopes of one row of them,
-/// and NaN where fit_plane has to look at each neighbour. Neighbours that rise by less than `steep_m` a step along
+/// Slopes along columns and rows of one row of windows; where `breaks` is not 0, fit_plane has to look at each
+/// neighbour.
+struct SlopeRow {
+  std::vector<double> along, across;
+  std::vector<int> breaks;
+};
+
+/// Windows in which all heights hang together have sums for a plane: `slope_row` gets the slopes of one row of them. Neighbours that rise by less than `steep_m` a step along
 /// either axis rise by less than √2 times that a step in any direction.
 class PlaneSums {
  public:
@@ -106,22 +111,24 @@ class PlaneSums {
   }
 
   /// Of rows in order, from the first.
-  void slope_row(int v, std::vector<Eigen::Vector2d>& slopes) {
-    constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
-    slopes.assign(static_cast<std::size_t>(grid_.width), {kNone, kNone});
+  void slope_row(int v, SlopeRow& slopes) {
+    const auto width = static_cast<std::size_t>(grid_.width);
+    slopes.along.assign(width, 0.0);
+    slopes.across.assign(width, 0.0);
     if (v + r_ < grid_.height) sum_row(v + r_);
-    if (v < r_ || v + r_ >= grid_.height) return;
-    for (int u = r_; u + r_ < grid_.width; ++u) {
-      const auto at = static_cast<std::size_t>(u);
-      int breaks = 0;
-      double along = 0.0, across = 0.0;
-      for (int y = -r_; y <= r_; ++y) {
-        const RowSums& row = rows_[static_cast<std::size_t>(v + y) % rows_.size()];
-        breaks += row.breaks[at];
-        along += row.moments[at];
-        across += y * row.heights[at];
-      }
-      if (breaks == 0) slopes[at] = {along * per_slope_, across * per_slope_};
+    const bool whole = v >= r_ && v + r_ < grid_.height;
+    slopes.breaks.assign(width, whole ? 0 : 1);
+    if (!whole) return;
+    // Row by row, in loops so plain that compilers make vectors of them.
+    double* const along = slopes.along.data();
+    double* const across = slopes.across.data();
+    int* const breaks = slopes.breaks.data();
+    for (int y = -r_; y <= r_; ++y) {
+      const RowSums& row = rows_[static_cast<std::size_t>(v + y) % rows_.size()];
+      const double up = per_slope_ * y;
+      for (std::size_t u = 0; u < width; ++u) breaks[u] |= row.breaks[u];
+      for (std::size_t u = 0; u < width; ++u) along[u] += per_slope_ * row.moments[u];
+      for (std::size_t u = 0; u < width; ++u) across[u] += up * row.heights[u];
     }
   }
 
@@ -171,15 +178,17 @@ void add_height_surfels(const HeightGrid& grid, const NormalWindow& normal_windo
       static_cast<int>(std::clamp(std::round(normal_window.radius_m / grid.cell_size_m), 1.0, 1.0 * kLargest_cells));
   const Window window{radius_cells, grid.cell_size_m};
   PlaneSums sums(grid, window);
-  std::vector<Eigen::Vector2d> slopes;
+  SlopeRow slopes;
+  surfels.reserve(grid.height_m.size());
   for (int v = 0; v < grid.height; ++v) {
     sums.slope_row(v, slopes);
     for (int u = 0; u < grid.width; ++u) {
       const std::size_t cell =
           static_cast<std::size_t>(v) * static_cast<std::size_t>(grid.width) + static_cast<std::size_t>(u);
       if (std::isnan(grid.height_m[cell])) continue;
-      Eigen::Vector2d slope = slopes[static_cast<std::size_t>(u)];
-      if (std::isnan(slope.x()) && !fit_plane(grid, u, v, window, slope)) continue;
+      const auto at = static_cast<std::size_t>(u);
+      Eigen::Vector2d slope(slopes.along[at], slopes.across[at]);
+      if (slopes.breaks[at] != 0 && !fit_plane(grid, u, v, window, slope)) continue;
       // The surface is z = −height(x, y), seen from below zero: what lies behind it has the larger z.
       surfels.push_back(surfel_at(grid, u, v, Eigen::Vector3d(slope.x(), slope.y(), 1.0)));
     }

@@ -149,8 +149,8 @@ double err_together(double scale_m, ChainPointSet& set, const SurfaceFit& fit) {
   return together / (pull * pull);
 }
 
-/// Levenberg-Marquardt with points taken to err by `scale_m`. False where it breaks down.
-bool improve(double scale_m, std::size_t stride, int max_steps, bool radius_known, ChainPointSet& set,
+/// Levenberg-Marquardt with points taken to err by `scale_m`, until a step gains less than such a part of the cost. False where it breaks down.
+bool improve(double scale_m, std::size_t stride, int max_steps, double converged, bool radius_known, ChainPointSet& set,
              SurfaceFit& fit) {
   double damping = 1e-4;
   linearise(scale_m, stride, radius_known, set, fit);
@@ -171,8 +171,7 @@ bool improve(double scale_m, std::size_t stride, int max_steps, bool radius_know
     } else {
       damping = std::max(1e-4, 10.0 * damping);
     }
-    constexpr double kConverged = 1e-6;
-    if (std::abs(gain) < kConverged * fit.cost) break;
+    if (std::abs(gain) < converged * fit.cost) break;
   }
   return true;
 }
@@ -235,13 +234,16 @@ std::optional<FittedChain> fit_chain_to_surface(const PartChain& initial, const 
   // At first points are taken to err by much, or what a bend's end is far from would not count.
   constexpr double kFirstScaleRadii = 0.3;
   constexpr int kFirstSteps = 6, kLastSteps = 30;
-  constexpr std::size_t kFirstStride = 4;
+  // On the way there few points do, and no step has to be the last word.
+  constexpr double kOnTheWay = 1e-3, kAtLast = 1e-6, kPointsPerParameter = 30.0;
+  const double enough = kPointsPerParameter * static_cast<double>(parameter_count(fit.chain));
+  const auto few = static_cast<std::size_t>(std::clamp(static_cast<double>(set.points_m.size()) / enough, 4.0, 64.0));
   for (double wide_m = kFirstScaleRadii * fit.radius_m; wide_m > 2.0 * scale_m; wide_m *= 0.3) {
-    if (!improve(wide_m, kFirstStride, kFirstSteps, radius_known, set, fit)) return std::nullopt;
+    if (!improve(wide_m, few, kFirstSteps, kOnTheWay, radius_known, set, fit)) return std::nullopt;
   }
-  for (const std::size_t stride : {kFirstStride, std::size_t{1}}) {
-    if (!improve(scale_m, stride, kLastSteps, radius_known, set, fit)) return std::nullopt;
-  }
+  if (!improve(scale_m, few, kLastSteps, kOnTheWay, radius_known, set, fit) ||
+      !improve(scale_m, 1, kLastSteps, kAtLast, radius_known, set, fit))
+    return std::nullopt;
   constexpr double kAsGood = 1.3, kMisfits = 0.005;
   if (!(fit.cost < kAsGood * set.line_cost + kMisfits * set.sum_area)) return std::nullopt;
   const Eigen::MatrixXd covariance =

@@ -309,13 +309,12 @@ void look_at_ends(std::span<const ScanSurfel> surfels, const ScanLine& line, dou
   if (first > last) return;
   // Four stations inward, and as far again from the line as points_near looks.
   const double reach_m = 4.0 * line.model.radius_m;
-  const std::array<Eigen::Vector3d, 2> ends_m{point_at(line.model.spline, evidence.t_begin),
-                                              point_at(line.model.spline, evidence.t_end)};
+  const Eigen::Vector3f begin_m = point_at(line.model.spline, evidence.t_begin).cast<float>();
+  const Eigen::Vector3f end_m = point_at(line.model.spline, evidence.t_end).cast<float>();
+  const auto reach_m2 = static_cast<float>(reach_m * reach_m);
   std::vector<ScanSurfel> near;
   for (const ScanSurfel& surfel : surfels) {
-    const Eigen::Vector3d place_m = surfel.position_m.cast<double>();
-    if ((place_m - ends_m[0]).squaredNorm() < reach_m * reach_m ||
-        (place_m - ends_m[1]).squaredNorm() < reach_m * reach_m)
+    if ((surfel.position_m - begin_m).squaredNorm() < reach_m2 || (surfel.position_m - end_m).squaredNorm() < reach_m2)
       near.push_back(surfel);
   }
   // Hardly any of them is taken together with another.

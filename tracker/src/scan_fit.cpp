@@ -55,7 +55,9 @@ struct Observed {
   double radius_m = 0.0;
   double scale_m = 0.0;
   double per_area = 1.0;
+  double t_begin = 0.0, t_end = 1e9;  // what is fitted to lies in between
 
+  bool is_fitted_to(const SurfacePoint& point) const { return point.t >= t_begin && point.t <= t_end; }
   Eigen::Vector3d point_m(std::uint32_t i) const {
     const SurfacePoint& point = points[i];
     return grid.surfels[point.surfel].position_m.cast<double>() - (point.lift_m * point.inward).cast<double>();
@@ -71,22 +73,25 @@ struct Observed {
 };
 
 Observed observed_of(const SurfelGrid& grid, const std::vector<SurfacePoint>& points, double radius_m,
-                     double least_scale_m) {
+                     double least_scale_m, const ScanFitOptions& options) {
+  Observed observed{grid, points, radius_m, 0.0, 1.0, options.t_begin, options.t_end};
   std::vector<double> residuals_m;
   residuals_m.reserve(points.size());
   // The scale is that of surfels as they stand in the grid: one that is a mean of many errs by that, not less for its
   // area. Those of less than a grid step's square share their points with their neighbours.
   double sum_area = 0.0;
   for (const SurfacePoint& point : points) {
+    if (!observed.is_fitted_to(point)) continue;
     residuals_m.push_back(std::abs(static_cast<double>(point.distance_m) - radius_m));
     sum_area += grid.surfels[point.surfel].weight;
   }
-  const auto count = static_cast<double>(points.size());
-  return {grid, points, radius_m, robust_scale_m(residuals_m, least_scale_m),
-          points.empty() ? 1.0 : count / std::max(sum_area, count)};
+  const auto count = static_cast<double>(residuals_m.size());
+  observed.scale_m = robust_scale_m(residuals_m, least_scale_m);
+  if (!residuals_m.empty()) observed.per_area = count / std::max(sum_area, count);
+  return observed;
 }
 
-constexpr int kWindowSpans = 32, kMarginSpans = 8;
+constexpr int kWindowSpans = 512, kMarginSpans = 8;
 
 struct Stretch {
   int begin = 0, end = 0;            // spans that the window is fitted over
@@ -105,11 +110,12 @@ std::vector<Stretch> stretches_of(int spans) {
 }
 
 /// The numbers of the points of each stretch.
-std::vector<std::vector<std::uint32_t>> sorted_into(const std::vector<Stretch>& stretches,
-                                                    const std::vector<SurfacePoint>& points) {
+std::vector<std::vector<std::uint32_t>> sorted_into(const std::vector<Stretch>& stretches, const Observed& observed) {
+  const std::vector<SurfacePoint>& points = observed.points;
   std::vector<std::vector<std::uint32_t>> parts(stretches.size());
   const double per_span = static_cast<double>(stretches.size()) / stretches.back().end;
   for (std::uint32_t k = 0; k < points.size(); ++k) {
+    if (!observed.is_fitted_to(points[k])) continue;
     const double t = points[k].t;
     // Windows overlap with their neighbours at most, and are alike to a span.
     const auto own = static_cast<std::size_t>(std::max(0.0, t * per_span));
@@ -199,7 +205,7 @@ void take_core(const Stretch& stretch, const Spline& window, Spline& spline) {
 bool fit_windows(ScanLine& line, const Observed& observed, const ScanFitOptions& options, bool want_covariance,
                  ScanFit& fit) {
   const std::vector<Stretch> stretches = stretches_of(static_cast<int>(line.model.spline.spans()));
-  const auto parts = sorted_into(stretches, observed.points);
+  const auto parts = sorted_into(stretches, observed);
   const bool whole = stretches.size() == 1;
   FitOptions fit_options = window_options(options);
   const bool own_radii = !whole && !options.radius_m && !options.one_radius;
@@ -235,6 +241,18 @@ bool fit_windows(ScanLine& line, const Observed& observed, const ScanFitOptions&
   return !fit.windows.empty() && line.model.radius_m > 0.0;
 }
 
+/// So little that the surfels that belong to the one belong to the other, but for some at the border.
+bool moved_little(const TubeModel& before, const TubeModel& now) {
+  constexpr double kLittleRadii = 0.2;
+  const double little_m = kLittleRadii * now.radius_m;
+  if (std::abs(now.radius_m - before.radius_m) > little_m) return false;
+  const auto& from = before.spline.control_m;
+  const auto& to = now.spline.control_m;
+  return std::equal(from.begin(), from.end(), to.begin(), to.end(), [&](const auto& a, const auto& b) {
+    return (a - b).squaredNorm() <= little_m * little_m;
+  });
+}
+
 }  // namespace
 
 ScanLine scan_line_along(const std::vector<Eigen::Vector3d>& polyline_m, double radius_m, bool closed) {
@@ -256,19 +274,24 @@ ScanLine scan_line_along(const std::vector<Eigen::Vector3d>& polyline_m, double 
 }
 
 std::optional<ScanFit> fit_scan_line(const SurfelGrid& grid, std::span<const char> taken, ScanLine& line,
-                                     const ScanFitOptions& options) {
+                                     const ScanFitOptions& options, std::vector<SurfacePoint>& points) {
   ScanFit fit;
   if (options.radius_m) line.model.radius_m = *options.radius_m;
+  points = points_near(grid, taken, line, options.every);
   for (int round = 0; round < options.rounds; ++round) {
-    std::vector<SurfacePoint> points = points_near(grid, taken, line, options.every);
-    std::erase_if(points, [&](const SurfacePoint& at) { return at.t < options.t_begin || at.t > options.t_end; });
+    const TubeModel before = line.model;
     const double wide_m = round + 1 < options.rounds ? options.first_scale_radii * line.model.radius_m : 0.0;
     const double least_m = std::max(options.least_scale_m, std::ldexp(wide_m, -round));
-    const Observed observed = observed_of(grid, points, line.model.radius_m, least_m);
+    const Observed observed = observed_of(grid, points, line.model.radius_m, least_m, options);
     fit.scale_m = observed.scale_m;
     const bool last = round + 1 == options.rounds;
     if (!fit_windows(line, observed, options, last && options.want_covariance, fit)) return std::nullopt;
     if (line.closed()) close_up(line);
+    if (moved_little(before, line.model)) {
+      place_again(grid, line, points);
+    } else {
+      points = points_near(grid, taken, line, options.every);
+    }
   }
   return fit;
 }

@@ -102,10 +102,10 @@ struct Shares {
 template <typename AnySurfel>
 Shares shares_of(std::span<const AnySurfel> surfels, std::span<const char> left_out, const CellKeys& keys,
                  std::size_t count) {
-  constexpr std::size_t kShare = 1 << 17;
+  constexpr std::size_t kShare = 1 << 17, kMostAtOnce = 2 * kShare;
   constexpr int kBits = 16;
   Shares shares;
-  if (count <= 2 * kShare) return shares;
+  if (count <= kMostAtOnce) return shares;
   const int shift = std::max(0, keys.all_bits() - kBits);
   std::vector<std::uint32_t> next((std::size_t{1} << kBits) + 1, 0);
   for (std::size_t i = 0; i < surfels.size(); ++i) {
@@ -175,16 +175,14 @@ struct CellSums {
   }
 };
 
-/// Those that face along `facing`.
-template <typename AnySurfel>
-CellSums sums_of(std::span<const AnySurfel> surfels, std::span<const CellMember> members,
-                 const Eigen::Vector3d& facing) {
+/// Those that `belongs` says yes to.
+template <typename AnySurfel, typename Belongs>
+CellSums sums_of(std::span<const AnySurfel> surfels, std::span<const CellMember> members, const Belongs& belongs) {
   const Eigen::Vector3f origin_m = surfels[members.front().surfel].position_m;
   CellSums sums;
   for (const CellMember& member : members) {
     const AnySurfel& surfel = surfels[member.surfel];
-    if (surfel.inward_normal.template cast<double>().dot(facing) >= 0.0)
-      sums.add(surfel, surfel.position_m.template cast<double>() - origin_m.cast<double>());
+    if (belongs(surfel)) sums.add(surfel, surfel.position_m.template cast<double>() - origin_m.cast<double>());
   }
   return sums;
 }
@@ -196,7 +194,7 @@ CellSurfel mean_of(std::span<const AnySurfel> surfels, std::span<const CellMembe
   CellSurfel mean{first.position_m, first.inward_normal, first.weight};
   if (const SurfelSpread* own = spread_of(first)) mean.spread = *own;
   if (members.size() == 1) return mean;
-  CellSums sums = sums_of(surfels, members, Eigen::Vector3d::Zero());
+  CellSums sums = sums_of(surfels, members, [](const AnySurfel& /*surfel*/) { return true; });
   const double length = sums.normal.norm();
   if (!(sums.weight > 0.0) || !(length > 1e-6 * sums.weight)) {
     mean.weight = 0.0F;
@@ -204,7 +202,11 @@ CellSurfel mean_of(std::span<const AnySurfel> surfels, std::span<const CellMembe
   }
   // Both walls of a pipe: the outer one, which is larger, stays where it is, with what it has more.
   constexpr double kBothWalls = 0.95;
-  if (length < kBothWalls * sums.weight) sums = sums_of(surfels, members, sums.normal);
+  if (length < kBothWalls * sums.weight) {
+    sums = sums_of(surfels, members, [outward = sums.normal](const AnySurfel& surfel) {
+      return surfel.inward_normal.template cast<double>().dot(outward) >= 0.0;
+    });
+  }
   sums.position_m /= sums.weight;
   sums.products.add(-sums.weight, sums.position_m);
   for (std::size_t k = 0; k < mean.spread.size(); ++k)
@@ -319,13 +321,20 @@ void flag_all_of(const SurfelGrid& grid, std::span<const char> flags, std::span<
     Cell bucket{-1, -1, -1};
     std::uint64_t cells = 0;
   };
-  std::array<Flagged, 1 << kFineBits> recent;  // by the lowest bits of their places: a scan goes around in circles
+  // By the lowest bits of their places: a scan goes around in circles, or along rows of an image.
+  constexpr std::int32_t kRecentBits = 4;
+  std::vector<Flagged> recent(std::size_t{1} << 3 * kRecentBits);
+  const auto place_of = [](const Cell& bucket) {
+    constexpr std::int32_t kMask = (1 << kRecentBits) - 1;
+    return static_cast<std::size_t>(((bucket[2] & kMask) << kRecentBits | (bucket[1] & kMask)) << kRecentBits |
+                                    (bucket[0] & kMask));
+  };
   const CellKeys keys{1.0 / grid.cell_m, grid.first_bucket, grid.bits};
   for (std::size_t i = 0; i < surfels.size(); ++i) {
     if (members[i] != 0) continue;
     const Cell cell = cell_of(surfels[i].position_m, keys.per_cell);
     const Cell bucket = bucket_of(cell);
-    Flagged& flagged = recent[fine_key(bucket)];
+    Flagged& flagged = recent[place_of(bucket)];
     if (flagged.bucket != bucket) flagged = {bucket, flagged_cells(grid, keys, bucket, flags)};
     members[i] = static_cast<char>(flagged.cells >> fine_key(cell) & 1);
   }

@@ -34,11 +34,12 @@ ScanFitOptions first_options(const ScanSurface& surface, const ScanTubesConfig& 
 
 bool fit_and_look(const ScanSurface& surface, const ScanTubesConfig& config, const ScanFitOptions& options,
                   ScanTube& tube) {
-  auto fit = fit_scan_line(surface.grid, surface.taken, tube.line, options);
+  std::vector<SurfacePoint> points;
+  auto fit = fit_scan_line(surface.grid, surface.taken, tube.line, options, points);
   if (!fit) return false;
   tube.fit = std::move(*fit);
-  tube.evidence = look_at(surface.grid.surfels, points_near(surface.grid, surface.taken, tube.line, options.every),
-                          options.every, tube.line, surface.spacing_m, tube.fit.scale_m, config.min_arc_rad);
+  tube.evidence = look_at(surface.grid.surfels, points, options.every, tube.line, surface.spacing_m, tube.fit.scale_m,
+                          config.min_arc_rad);
   return tube.evidence.t_end > tube.evidence.t_begin;
 }
 

@@ -138,10 +138,9 @@ void PlaceSurfels(const float* line, int last_span, float radius_m, const float*
   for (std::size_t i = 0; i < count; i += hn::Lanes(d)) {
     const VI at = hn::Mul(hn::Load(di, batch.surfel.data() + i), Whole(kSurfelFloats));
     const V3 point = Gather3(surfels, at), normal = Gather3(surfels + 3, at);
-    const VI node = hn::Load(di, batch.node.data() + i);
     Foot foot{};
-    foot.span = hn::Min(hn::ShiftRight<1>(node), Whole(last_span));
-    foot.s = hn::Mul(half, hn::ConvertTo(d, hn::Sub(node, hn::Add(foot.span, foot.span))));
+    foot.span = hn::Load(di, batch.span.data() + i);
+    foot.s = hn::Load(d, batch.s.data() + i);
     FindFoot(line, last_span, point, foot);
     const V distance = hn::Sqrt(Dot(foot.from_foot, foot.from_foot));
     const V per_distance = hn::Div(Number(-1.0F), hn::Max(distance, Number(1e-30F)));
@@ -222,7 +221,8 @@ void place_surfels(std::span<const LineSpan> line, double radius_m, std::span<co
                    std::size_t count, PlaceBatch& batch) {
   if (count == 0) return;
   std::fill(batch.surfel.begin() + static_cast<std::ptrdiff_t>(count), batch.surfel.end(), batch.surfel.front());
-  std::fill(batch.node.begin() + static_cast<std::ptrdiff_t>(count), batch.node.end(), batch.node.front());
+  std::fill(batch.span.begin() + static_cast<std::ptrdiff_t>(count), batch.span.end(), batch.span.front());
+  std::fill(batch.s.begin() + static_cast<std::ptrdiff_t>(count), batch.s.end(), batch.s.front());
   HWY_DYNAMIC_DISPATCH(PlaceSurfels)
   (line.front().c0.data(), static_cast<int>(line.size()) - 1, static_cast<float>(radius_m),
    surfels.front().position_m.data(), count, batch);

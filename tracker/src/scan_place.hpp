@@ -22,13 +22,14 @@ struct LineSpan {
 
 std::vector<LineSpan> line_spans_of(const Spline& spline);
 
-/// Surfels and the nodes that are nearest to them, two a span from the line's start on. Always whole vectors.
+/// Surfels and where on the line they may be: a span, and the place in it. Always whole vectors.
 struct PlaceBatch {
   static constexpr std::size_t kSize = 64;
-  alignas(64) std::array<std::int32_t, kSize> surfel{}, node{};
-  // What place_surfels gives.
-  alignas(64) std::array<std::int32_t, kSize> span{}, belongs{};  ///< belongs: 0 where it is none of the tube's
-  alignas(64) std::array<float, kSize> s{}, lift_m{}, distance_m{}, x{}, y{}, z{};  ///< as SurfacePoint has it
+  alignas(64) std::array<std::int32_t, kSize> surfel{}, span{};
+  alignas(64) std::array<float, kSize> s{};
+  // What place_surfels gives, beside the span and the place where each surfel is.
+  alignas(64) std::array<std::int32_t, kSize> belongs{};  ///< 0 where it is none of the tube's
+  alignas(64) std::array<float, kSize> lift_m{}, distance_m{}, x{}, y{}, z{};  ///< as SurfacePoint has it
 };
 
 /// Where on the line the first `count` surfels of a batch are, to a hundredth of a span: of a distance of R that is

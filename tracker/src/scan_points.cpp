@@ -76,9 +76,12 @@ class PlacedPoints {
         period_(line.closed() ? line.period : 0.0),
         line_(line_spans_of(line.model.spline)) {}
 
-  void add(std::int32_t surfel, std::uint32_t node) {
+  /// `t`: about where on the line it is.
+  void add(std::int32_t surfel, double t) {
+    const auto span = std::min(static_cast<std::int32_t>(t), static_cast<std::int32_t>(line_.size()) - 1);
     batch_.surfel[count_] = surfel;
-    batch_.node[count_] = static_cast<std::int32_t>(node);
+    batch_.span[count_] = span;
+    batch_.s[count_] = static_cast<float>(t - span);
     if (++count_ == PlaceBatch::kSize) place();
   }
   void expect(std::size_t most) { points_.reserve(most); }
@@ -150,10 +153,21 @@ std::vector<SurfacePoint> points_near(const SurfelGrid& grid, std::span<const ch
     nearest_nodes(near_m, floats(bucket.center_m), grid.surfels, count, batch);
     for (std::size_t i = 0; i < count; ++i) {
       if (static_cast<double>(batch.squared_m2[i]) < reach_m * reach_m)
-        placed.add(batch.surfel[i], near[static_cast<std::size_t>(batch.nearest[i])]);
+        placed.add(batch.surfel[i], static_cast<double>(near[static_cast<std::size_t>(batch.nearest[i])]) / kNodesPerSpan);
     }
   }
   return placed.take();
+}
+
+void place_again(const SurfelGrid& grid, const ScanLine& line, std::vector<SurfacePoint>& points) {
+  PlacedPoints placed(grid, line);
+  placed.expect(points.size());
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    // Where a closed line overlaps itself a surfel is there twice, and is once more when it is placed.
+    if (i > 0 && points[i].surfel == points[i - 1].surfel) continue;
+    placed.add(static_cast<std::int32_t>(points[i].surfel), std::max(0.0, points[i].t));
+  }
+  points = placed.take();
 }
 
 }  // namespace tubetrack

@@ -254,6 +254,8 @@ TubeFrame find_scan_tubes(std::span<const ScanSurfel> surfels, const ScanTubesCo
   watch.lap(frame.stages.normals_ms);
   std::vector<std::vector<char>> certain;
   for (const Octave& octave : octaves) {
+    // Where all is taken, finer levels have nothing either.
+    if (!certain.empty() && std::ranges::all_of(certain.back(), [](char taken) { return taken != 0; })) break;
     if (certain.size() < levels.whole || !is_fine_enough(levels.all[certain.size() - 1], octave, levels))
       go_to_level_of(octave, certain, levels);
     search_octave(octave, levels, config, certain, candidates, frame.stages);
