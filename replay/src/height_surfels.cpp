@@ -96,8 +96,9 @@ struct SlopeRow {
   std::vector<int> breaks;
 };
 
-/// Windows in which all heights hang together have sums for a plane: `slope_row` gets the slopes of one row of them. Neighbours that rise by less than `steep_m` a step along
-/// either axis rise by less than √2 times that a step in any direction.
+/// Windows in which all heights hang together have sums for a plane: `slope_row` gets the slopes of one row of them.
+/// Neighbours that rise by less than `steep_m` a step along either axis rise by less than √2 times that a step in any
+/// direction.
 class PlaneSums {
  public:
   PlaneSums(const HeightGrid& grid, const Window& window) : grid_(grid), r_(window.radius_cells) {

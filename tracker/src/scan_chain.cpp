@@ -149,7 +149,8 @@ double err_together(double scale_m, ChainPointSet& set, const SurfaceFit& fit) {
   return together / (pull * pull);
 }
 
-/// Levenberg-Marquardt with points taken to err by `scale_m`, until a step gains less than such a part of the cost. False where it breaks down.
+/// Levenberg-Marquardt with points taken to err by `scale_m`, until a step gains less than such a part of the cost.
+/// False where it breaks down.
 bool improve(double scale_m, std::size_t stride, int max_steps, double converged, bool radius_known, ChainPointSet& set,
              SurfaceFit& fit) {
   double damping = 1e-4;

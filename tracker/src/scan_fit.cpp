@@ -248,9 +248,8 @@ bool moved_little(const TubeModel& before, const TubeModel& now) {
   if (std::abs(now.radius_m - before.radius_m) > little_m) return false;
   const auto& from = before.spline.control_m;
   const auto& to = now.spline.control_m;
-  return std::equal(from.begin(), from.end(), to.begin(), to.end(), [&](const auto& a, const auto& b) {
-    return (a - b).squaredNorm() <= little_m * little_m;
-  });
+  return std::equal(from.begin(), from.end(), to.begin(), to.end(),
+                    [&](const auto& a, const auto& b) { return (a - b).squaredNorm() <= little_m * little_m; });
 }
 
 }  // namespace

@@ -78,7 +78,8 @@ struct ScanFitOptions {
 /// Moves the line and its radius to the surfels around (equations 1 and 2 of section 2.3: distances to a circle, here
 /// of all nodes together and weighted by area): residuals along the tube's own normal, those that stand out count less
 /// (Geman-McClure). Long lines are fitted in windows, so that the time grows with the length alone. Nothing where too
-/// few surfels are near, or the radius leaves its range. `points` gets what points_near gives of the line that came out.
+/// few surfels are near, or the radius leaves its range. `points` gets what points_near gives of the line that came
+/// out.
 std::optional<ScanFit> fit_scan_line(const SurfelGrid& grid, std::span<const char> taken, ScanLine& line,
                                      const ScanFitOptions& options, std::vector<SurfacePoint>& points);
 

@@ -28,7 +28,7 @@ struct PlaceBatch {
   alignas(64) std::array<std::int32_t, kSize> surfel{}, span{};
   alignas(64) std::array<float, kSize> s{};
   // What place_surfels gives, beside the span and the place where each surfel is.
-  alignas(64) std::array<std::int32_t, kSize> belongs{};  ///< 0 where it is none of the tube's
+  alignas(64) std::array<std::int32_t, kSize> belongs{};                       ///< 0 where it is none of the tube's
   alignas(64) std::array<float, kSize> lift_m{}, distance_m{}, x{}, y{}, z{};  ///< as SurfacePoint has it
 };
 

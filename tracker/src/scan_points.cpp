@@ -153,7 +153,8 @@ std::vector<SurfacePoint> points_near(const SurfelGrid& grid, std::span<const ch
     nearest_nodes(near_m, floats(bucket.center_m), grid.surfels, count, batch);
     for (std::size_t i = 0; i < count; ++i) {
       if (static_cast<double>(batch.squared_m2[i]) < reach_m * reach_m)
-        placed.add(batch.surfel[i], static_cast<double>(near[static_cast<std::size_t>(batch.nearest[i])]) / kNodesPerSpan);
+        placed.add(batch.surfel[i],
+                   static_cast<double>(near[static_cast<std::size_t>(batch.nearest[i])]) / kNodesPerSpan);
     }
   }
   return placed.take();
