@@ -45,10 +45,12 @@ bool has_pixels_of(const FollowedTube& tube, const TubeModel& model) {
   return same_spans && one_radius && moved_m(of, model, tube.extent) <= kUnmoved * model.radius_m;
 }
 
-/// How badly the readings fit a place, to compare two: one that is not near it counts as if it were four σ off. A hand
-/// that comes in front of a tube at rest pulls at it, but leaves what is still seen of it where it was.
-double misfit(const ObservedEquations& near) {
-  return near.chi2 - 16.0 * near.used;
+/// Do the readings fit a place worse than another one? Both in sum, where one that is not near counts as if it were
+/// four σ off, and on average, as the pixels of two places differ a little in number. A hand that comes in front of a
+/// tube at rest pulls at it, but leaves what is still seen of it where it was.
+bool fits_worse(const ObservedEquations& near, double other_chi2, int other_used) {
+  return near.chi2 - 16.0 * near.used > other_chi2 - 16.0 * other_used &&
+         near.chi2 * other_used > other_chi2 * near.used;
 }
 
 /// Goes over from rest to motion and back. `model` starts where the tube is expected and ends where the frame sees it,
@@ -60,11 +62,12 @@ bool judge_motion(FollowedTube& tube, const HeightMap& map, const TrackerConfig&
   const auto first = motion_seen(tube, model, view);
   if (!first) return false;
   if (tube.at_rest && motion_chi2(model, *first, tube.pooled.matrix) < kRestChi2) return true;
-  const double misfit_at_rest = misfit(view.near);
+  const double chi2_before = view.near.chi2;
+  const int used_before = view.near.used;
   move(model, first->twist);
   predict(tube, map, config, model);
   view = view_of(tube, map, config, model, kFitGate, 0.25);
-  if (tube.at_rest && misfit(view.near) > misfit_at_rest) {
+  if (tube.at_rest && fits_worse(view.near, chi2_before, used_before)) {
     model = tube.model;
     predict(tube, map, config, model);
     view = view_of(tube, map, config, model, kFitGate, kFitGate);
