@@ -1,6 +1,7 @@
 #include "paper_table.hpp"
 
 #include <fmt/format.h>
+#include <malloc.h>
 #include <sys/resource.h>
 #include <sys/wait.h>
 #include <unistd.h>
@@ -87,6 +88,7 @@ PaperRow measure(const PaperScan& scan, bool with_transcription) {
   // First, on fresh memory, as in a program of its own: on memory that is used again it takes longer.
   row.transcription_s =
       with_transcription ? transcription_s(surfels, scan.radius_m, 0.001) : std::numeric_limits<double>::quiet_NaN();
+  malloc_trim(0);  // what it freed is put together again now, not by what asks for memory next
   TubeFrame frame;
   row.ours_s = median_s([&] {
     surfels = {};  // or there would be two at once
