@@ -115,6 +115,29 @@ TEST(ScanGrid, WhereSurfelsAreOnALineDoesNotDependOnTheVectors) {
   hwy::SetSupportedTargetsForTest(0);
 }
 
+TEST(ScanGrid, ALineThatMovedALittleHasItsSurfelsWhereALookAtAllOfThemFindsThem) {
+  const SurfelGrid grid = merged_by_cell(cylinder(20'000), {}, 0.3 * kRadius_m);
+  const ScanLine line = scan_line_along({{-0.02, 0.0, 0.0}, {0.1, 0.002, 0.001}, {0.22, 0.0, 0.0}}, kRadius_m, false);
+  ScanLine moved = line;
+  for (Eigen::Vector3d& control : moved.model.spline.control_m)
+    control += Eigen::Vector3d(0.15, 0.1, -0.05) * kRadius_m;
+  std::vector<SurfacePoint> again = points_near(grid, {}, line);
+  place_again(grid, moved, again);
+  const std::vector<SurfacePoint> anew = points_near(grid, {}, moved);
+  std::size_t both = 0;
+  for (std::size_t i = 0, k = 0; i < anew.size() && k < again.size();) {
+    if (anew[i].surfel != again[k].surfel) {
+      ++(anew[i].surfel < again[k].surfel ? i : k);
+      continue;
+    }
+    EXPECT_NEAR(anew[i].t, again[k].t, 0.01);
+    EXPECT_NEAR(anew[i].distance_m, again[k].distance_m, 1e-4F * kRadius_m);
+    ++both, ++i, ++k;
+  }
+  EXPECT_GT(both, anew.size() * 97 / 100);  // the others are at the border of what belongs to it
+  EXPECT_GT(both, again.size() * 97 / 100);
+}
+
 TEST(ScanGrid, WhatIsLeftOutIsInNoCell) {
   const std::vector<ScanSurfel> surfels = cylinder(1000);
   std::vector<char> left_out(surfels.size(), 0);
