@@ -30,7 +30,7 @@ constexpr double kVague = 0.05;
 /// The motion from where a model is to where the frame sees it; empty where it sees too little to tell.
 std::optional<MotionEstimate> motion_seen(const FollowedTube& tube, const TubeModel& model, const View& view) {
   if (view.all.used < 20) return std::nullopt;
-  const MotionEstimate motion = estimate_motion(model, view.all.matrix, view.all.right, tube.radius_information);
+  MotionEstimate motion = estimate_motion(model, view.all.matrix, view.all.right, tube.radius_information);
   const Eigen::Vector3d axis = derivative_at(model.spline, 0.5 * (tube.extent.t_begin + tube.extent.t_end));
   if (sigma_across_m(motion, axis.normalized()) > kVague * model.radius_m) return std::nullopt;
   return motion;
