@@ -78,7 +78,7 @@ Figures follow(std::string_view row_name, std::uint64_t scene) {
   return run_row(*row, {tubetrack_method()}, options, [] {}).front().sequence;
 }
 
-// The hand that comes over it pulls at it; it was taken to move along, 1.5 and 3.7 mm off in single frames.
+// The hand that comes over it pulls at it; it was taken to move along, and was millimetres off.
 TEST(HardTubes, ATubeAtRestStaysWhereItIsBehindAHandThatMoves) {
   EXPECT_LT(follow("hand", 30).score.rms_m(), 0.00009);
   EXPECT_LT(follow("hand", 44).score.rms_m(), 0.00012);
@@ -91,7 +91,7 @@ TEST(HardTubes, ATubeThatTurnsBackOutOfSightKeepsItsId) {
   EXPECT_GT(figures.score.idf1(), 0.99);
 }
 
-// In the frame in which a last strip of it was left it was followed still, 4.6 mm off.
+// In the frame in which a last strip of it was left it was followed still, millimetres off.
 TEST(HardTubes, ATubeThatLeavesIsGivenUpWithItsLastStrip) {
   EXPECT_LT(follow("leaving", 107).score.rms_m(), 0.00016);
 }

@@ -41,8 +41,8 @@ struct SurfacePoint {
 std::vector<SurfacePoint> points_near(const SurfelGrid& grid, std::span<const char> taken, const ScanLine& line,
                                       std::size_t every = 1);
 
-/// The same points on a line that has moved a little since: each is placed once more, from where it was. Far less than
-/// points_near does.
+/// The same points on a line that has moved a little since: each is placed once more, from where it was, which takes
+/// far less than points_near. What comes into the line's reach by the move is not among them.
 void place_again(const SurfelGrid& grid, const ScanLine& line, std::vector<SurfacePoint>& points);
 
 /// A stretch of the fit with its covariance, FitQuality's, of control points `first` and on.
@@ -78,8 +78,8 @@ struct ScanFitOptions {
 /// Moves the line and its radius to the surfels around (equations 1 and 2 of section 2.3: distances to a circle, here
 /// of all nodes together and weighted by area): residuals along the tube's own normal, those that stand out count less
 /// (Geman-McClure). Long lines are fitted in windows, so that the time grows with the length alone. Nothing where too
-/// few surfels are near, or the radius leaves its range. `points` gets what points_near gives of the line that came
-/// out.
+/// few surfels are near, or the radius leaves its range. `points` gets the surfels of the line that came out, as
+/// points_near or place_again find them.
 std::optional<ScanFit> fit_scan_line(const SurfelGrid& grid, std::span<const char> taken, ScanLine& line,
                                      const ScanFitOptions& options, std::vector<SurfacePoint>& points);
 

@@ -102,10 +102,10 @@ struct Shares {
 template <typename AnySurfel>
 Shares shares_of(std::span<const AnySurfel> surfels, std::span<const char> left_out, const CellKeys& keys,
                  std::size_t count) {
-  constexpr std::size_t kShare = 1 << 17, kMostAtOnce = 2 * kShare;
+  constexpr std::size_t kShare = 1 << 17;
   constexpr int kBits = 16;
   Shares shares;
-  if (count <= kMostAtOnce) return shares;
+  if (count <= 2 * kShare) return shares;
   const int shift = std::max(0, keys.all_bits() - kBits);
   std::vector<std::uint32_t> next((std::size_t{1} << kBits) + 1, 0);
   for (std::size_t i = 0; i < surfels.size(); ++i) {
