@@ -74,7 +74,7 @@ TEST(Hide, ReadingsBesideAPixelOfTheTubeWithoutReturnAreTakenOutAndComeBack) {
   looked.map.depth_m[gap] = 0.0F;
   const std::vector<float> before = looked.map.depth_m;
   HiddenCells hidden;
-  hide_beside_gaps({looked.model, looked.extent, looked.pixels}, {}, looked.map, hidden);
+  hide_beside_gaps({looked.model, looked.extent, looked.pixels}, looked.map, hidden);
   EXPECT_EQ(hidden.size(), 8U);
   for (const std::uint32_t cell : hidden) {
     EXPECT_LE(std::abs(static_cast<int>(cell % 640) - 334), 1);
@@ -92,7 +92,7 @@ TEST(Hide, PixelsWithoutReturnAtTheSilhouetteOrBeyondTheExtentTakeNothingOut) {
   }
   HiddenCells hidden;
   const Extent extent{2.0, looked.extent.t_end};
-  hide_beside_gaps({looked.model, extent, looked.pixels}, {}, looked.map, hidden);
+  hide_beside_gaps({looked.model, extent, looked.pixels}, looked.map, hidden);
   EXPECT_TRUE(hidden.empty());
 }
 

@@ -3,6 +3,8 @@
 #include <gtest/gtest.h>
 
 #include <Eigen/Geometry>
+#include <cmath>
+#include <random>
 
 #include "tracker/tube_scene.hpp"
 #include "tubetrack/tracker/predict.hpp"
@@ -23,15 +25,19 @@ struct View {
   ObservedEquations equations;
 };
 
-View view_from(const Vector3d& off_m, double radius_m = kRadius_m) {
+View view_of_model(const TubeModel& model) {
   const HeightMap map = cylinder_map(kCamera, kMiddle, kAxis, 0.1, kRadius_m);
   NoiseModel noise;
   noise.lateral_px = 0.0;
-  View view{straight_model(kMiddle + off_m, kAxis, 0.1, radius_m), {}};
+  View view{model, {}};
   const auto observations = select_observations(map, noise, predict_pixels(map, noise, view.model), 0.02, 4.0);
   const auto sorted = sort_by_stretch(observations, view.model.spline);
   view.equations = observed_equations(view.model, sorted, true);
   return view;
+}
+
+View view_from(const Vector3d& off_m) {
+  return view_of_model(straight_model(kMiddle + off_m, kAxis, 0.1, kRadius_m));
 }
 
 MotionEstimate estimate(const View& view, double radius_information) {
@@ -63,6 +69,19 @@ TEST(Motion, WhatIsObservedIsProjectedOntoMotionsAsByTheWholeJacobian) {
 TEST(Motion, AlongAStraightTubeNothingMoves) {
   const MotionEstimate found = estimate(view_from(Vector3d::Zero()), 1e12);
   EXPECT_LT(found.twist.shift_m.norm(), 1e-6);
+}
+
+TEST(Motion, NoiseInTheLineOfAStraightTubeMakesItNeitherSlideNorSpin) {
+  std::mt19937 random(1);
+  std::normal_distribution<double> noise_m(0.0, 0.0001);
+  for (int i = 0; i < 20; ++i) {
+    TubeModel model = straight_model(kMiddle, kAxis, 0.1, kRadius_m);
+    for (Vector3d& point_m : model.spline.control_m)
+      point_m += Vector3d(noise_m(random), noise_m(random), noise_m(random));
+    const MotionEstimate found = estimate(view_of_model(model), 1e12);
+    EXPECT_LT(std::abs(found.twist.shift_m.dot(kAxis)), 0.0002);
+    EXPECT_LT(std::abs(found.twist.turn_rad.dot(kAxis)), 0.02);
+  }
 }
 
 TEST(Motion, RestIsToldFromAFifthOfAMillimetre) {

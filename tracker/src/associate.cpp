@@ -224,7 +224,7 @@ void take_in(KnownTubes& known, RecycledVector<FoundTube> found, HeightMap& map,
     for (std::size_t j = i + 1; j < found.size(); ++j) {
       hide_from(&mine, seen(found[j]), map, hidden);
     }
-    hide_beside_gaps(mine, config, map, hidden);
+    hide_beside_gaps(mine, map, hidden);
     take_in_fresh(known, std::move(tube), map, config, timestamp_s);
     show_again(map, hidden);
   }

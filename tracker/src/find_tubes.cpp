@@ -118,7 +118,7 @@ void part_neighbors(RecycledVector<FoundTube>& tubes, HeightMap& map, const Trac
     for (const FoundTube& other : tubes) {
       if (&other != &tube) hide_from(&mine, seen(other), map, hidden);
     }
-    hide_beside_gaps(mine, config, map, hidden);
+    hide_beside_gaps(mine, map, hidden);
     const bool shares = std::any_of(tube.pixels.begin(), tube.pixels.end(),
                                     [&](const PredictedPixel& pixel) { return map.depth_m[pixel.cell] < 0.0F; });
     if (shares) fit_again(map, config, tube);

@@ -16,9 +16,8 @@ namespace {
 
 constexpr double kRestChi2 = 30.0;      // 6 degrees of freedom: once in 25,000 frames by chance
 constexpr int kFramesToComeToRest = 6;  // long enough for 1 mm/s to show
-// Radii: so little a placing may still move for the fit to take it along. At four times as much a tube that leaves and
-// comes back is lost now and then.
-constexpr double kSettled = 0.005;
+// Radii: so little a placing may still move for the fit to take it along.
+constexpr double kSettled = 0.02;
 constexpr double kStale = 0.02;  // radii: so far a model may have moved from the one whose pixels were predicted
 // Radii: at rest the last pixels are taken again while the model is so near to theirs, far below the noise of a
 // reading.
@@ -53,6 +52,14 @@ bool fits_worse(const ObservedEquations& near, double other_chi2, int other_used
          near.chi2 * other_used > other_chi2 * near.used;
 }
 
+/// Corrects the velocity by how far from where it was expected a tube was seen.
+void learn_velocity(FollowedTube& tube, const Twist& off, double elapsed_s) {
+  constexpr double kGain = 0.6;
+  if (elapsed_s <= 0.0) return;
+  tube.velocity.shift_m_s += kGain * off.shift_m / elapsed_s;
+  tube.velocity.turn_rad_s += kGain * off.turn_rad / elapsed_s;
+}
+
 /// Goes over from rest to motion and back. `model` starts where the tube is expected and ends where the frame sees it,
 /// or so near that one step of the fit goes there, with its pixels predicted and what the frame says of it in `view`.
 bool judge_motion(FollowedTube& tube, const HeightMap& map, const TrackerConfig& config, TubeModel& model,
@@ -62,9 +69,15 @@ bool judge_motion(FollowedTube& tube, const HeightMap& map, const TrackerConfig&
   const auto first = motion_seen(tube, model, view);
   if (!first) return false;
   if (tube.at_rest && motion_chi2(model, *first, tube.pooled.matrix) < kRestChi2) return true;
+  TubeModel moved = model;
+  move(moved, first->twist);
+  if (!tube.at_rest && moved_m(model, moved, tube.extent) <= kSettled * model.radius_m) {
+    learn_velocity(tube, first->twist, elapsed_s);
+    return true;
+  }
   const double chi2_before = view.near.chi2;
   const int used_before = view.near.used;
-  move(model, first->twist);
+  model = moved;
   predict(tube, map, config, model);
   view = view_of(tube, map, config, model, kFitGate, 0.25);
   if (tube.at_rest && fits_worse(view.near, chi2_before, used_before)) {
@@ -80,11 +93,8 @@ bool judge_motion(FollowedTube& tube, const HeightMap& map, const TrackerConfig&
   }
   const auto second = motion_seen(tube, model, view);
   if (!second) return false;
-  if (elapsed_s > 0.0) {
-    tube.velocity.shift_m_s += 0.6 * (first->twist.shift_m + second->twist.shift_m) / elapsed_s;
-    tube.velocity.turn_rad_s += 0.6 * (first->twist.turn_rad + second->twist.turn_rad) / elapsed_s;
-  }
-  TubeModel moved = model;
+  learn_velocity(tube, {first->twist.shift_m + second->twist.shift_m, first->twist.turn_rad + second->twist.turn_rad},
+                 elapsed_s);
   move(moved, second->twist);
   if (moved_m(model, moved, tube.extent) <= kSettled * model.radius_m) return true;
   model = std::move(moved);

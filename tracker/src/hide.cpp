@@ -165,8 +165,7 @@ void hide_from(const SeenTube* mine, const SeenTube& other, HeightMap& map, Hidd
   hide_run(mine, other, 0, other.pixels.size(), at, map, hidden);
 }
 
-void hide_beside_gaps(const SeenTube& mine, const TrackerConfig& config, HeightMap& map, HiddenCells& hidden) {
-  if (config.varying_radius) return;
+void hide_beside_gaps(const SeenTube& mine, HeightMap& map, HiddenCells& hidden) {
   constexpr float kOwnEdge_px = 1.5F;  // nearer to the silhouette readings are missing for its sake, and not fitted
   const PredictedPixels& pixels = mine.pixels;
   for (std::size_t i = 0; i < pixels.size(); ++i) {

@@ -34,8 +34,8 @@ void hide_from(const SeenTube* mine, const SeenTube& other, HeightMap& map, Hidd
 
 /// Takes out of the map what was read beside pixels that should see the tube and have no return, as at the edge of a
 /// shadow on it: what the sensor's lateral jitter moved over that edge is missing there, and the mean of what is left
-/// lies aside. Nothing where radii vary: a cone that slides along itself was lost.
-void hide_beside_gaps(const SeenTube& mine, const TrackerConfig& config, HeightMap& map, HiddenCells& hidden);
+/// lies aside.
+void hide_beside_gaps(const SeenTube& mine, HeightMap& map, HiddenCells& hidden);
 
 /// The same for all that are in sight, from one of them or (`self` null) from a new one. Where
 /// one runs on into the other nothing is hidden, nor by what is not confirmed from what is: they may be pieces of one.

@@ -75,8 +75,8 @@ EndTrim trim_of(const Spline& spline, const RecycledVector<Station>& stations, c
   const double trim = std::min(kTrim, 0.1 * length);
   const TurnedEnds faces = turned_to_camera(spline, extent);
   const auto at = [&](double run, bool face) {
-    if (run >= kLongRun || length < kLongRun) return trim;
-    return face ? std::min(trim, 0.5 * run) : 0.0;
+    if (!face) return 0.0;
+    return run >= kLongRun || length < kLongRun ? trim : std::min(trim, 0.5 * run);
   };
   return {at(seen_at_once(extent.t_begin, extent.t_end, stations.begin(), stations.end()), faces.at_begin),
           at(seen_at_once(extent.t_end, extent.t_begin, stations.rbegin(), stations.rend()), faces.at_end)};

@@ -19,10 +19,10 @@ struct TurnedEnds {
 };
 TurnedEnds turned_to_camera(const Spline& spline, const Extent& extent);
 
-/// How far short of the ends of an extent a line is fitted, in spans: what lies there may be the end's own face, or
-/// what it touches. A short piece gives up a tenth at either end. An end that is seen only little beyond a gap gives up
-/// half of that where it may show its face, else nothing, or the line would run on across the gap with nothing to hold
-/// it.
+/// How far short of the ends of an extent a line is fitted, in spans: an end that is turned toward the camera may show
+/// its own face. A short piece gives up a tenth there, and what is seen only little beyond a gap half of that, or the
+/// line would run on across the gap with nothing to hold it. All other ends are fitted to the last reading: what is left
+/// out has to be guessed, and a guessed end is several times as far off as a seen one.
 EndTrim trim_of(const Spline& spline, const RecycledVector<Station>& stations, const Extent& extent);
 
 /// Does the image leave it open at an end of a line whether a tube goes on behind something nearer? Mostly the camera

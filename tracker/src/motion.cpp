@@ -101,6 +101,31 @@ Matrix7 weak_prior(const TubeModel& model) {
   return prior;
 }
 
+/// A motion along a line, or about it, shows only where the line bends. Of a straight one it is the noise in its shape
+/// that seems to tell, which would make it slide to and fro, faster from frame to frame. So what is observed counts
+/// against such a motion by as much as a line that leans by kSlope (about it: that lies kSlope radii aside) would tell,
+/// several times that noise.
+Matrix7 sliding_prior(const TubeModel& model, const RecycledMatrix& observed) {
+  constexpr double kSlope = 0.03;
+  const auto& q = model.spline.control_m;
+  const Eigen::Vector3d middle = middle_of(model);
+  Matrix7 prior = Matrix7::Zero();
+  for (std::size_t k = 0; k < q.size(); ++k) {
+    const auto at = static_cast<Eigen::Index>(3 * k);
+    double information = 0.0;  // of this point moved with its neighbours, summed over three directions
+    for (Eigen::Index j = std::max<Eigen::Index>(0, at - 9); j < std::min<Eigen::Index>(at + 12, observed.rows() - 1);
+         j += 3)
+      information += observed.block<3, 3>(at, j).trace();
+    const Eigen::Vector3d along = (q[std::min(k + 1, q.size() - 1)] - q[k > 0 ? k - 1 : 0]).normalized();
+    Eigen::Matrix<double, 6, 1> slide;
+    slide << along, (q[k] - middle).cross(along);
+    const double weight = kSlope * kSlope * information;
+    prior.topLeftCorner<6, 6>() += weight * slide * slide.transpose();
+    prior.block<3, 3>(3, 3) += weight * model.radius_m * model.radius_m * along * along.transpose();
+  }
+  return prior;
+}
+
 void move(TubeModel& model, const Twist& twist) {
   const Eigen::Vector3d middle = middle_of(model);
   const double angle = twist.turn_rad.norm();
@@ -113,7 +138,7 @@ void move(TubeModel& model, const Twist& twist) {
 
 MotionEstimate estimate_motion(const TubeModel& model, const RecycledMatrix& observed,
                                const RecycledColumn& observed_right, double radius_information) {
-  Matrix7 information = onto_motion(model, observed) + weak_prior(model);
+  Matrix7 information = onto_motion(model, observed) + weak_prior(model) + sliding_prior(model, observed);
   information(6, 6) += radius_information;
   const Eigen::Matrix<double, 7, 1> change = information.ldlt().solve(onto_motion(model, observed_right));
   MotionEstimate estimate;

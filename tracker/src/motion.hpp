@@ -48,7 +48,7 @@ struct MotionEstimate {
 
 /// The motion that the observations behind `observed` and `observed_right` (as in NormalEquations) ask for, given that
 /// the shape stays and the radius is known to `radius_information` (1/m²). Along its axis and about it a straight tube
-/// shows no motion: there the estimate stays near zero.
+/// shows no motion: there the estimate stays near zero, whatever the noise in its line.
 MotionEstimate estimate_motion(const TubeModel& model, const RecycledMatrix& observed,
                                const RecycledColumn& observed_right, double radius_information);
 

@@ -85,6 +85,7 @@ FollowedTube start_following(FoundTube found, const HeightMap& map, const Tracke
 
 void pool_without_ends(FollowedTube& tube, const HeightMap& map, const TrackerConfig& config) {
   if (length_m(tube) <= 8.0 * tube.model.radius_m) return;
+  if (tube.trim.at_begin <= 0.0 && tube.trim.at_end <= 0.0) return;
   FollowedTube without = tube;
   // From ends that were bent into hooks the prior, which takes large bends for granted, would not come back.
   TubeModel start = tube.model;

@@ -162,7 +162,7 @@ void TubeTracker::follow_known(const DepthFrame& frame) {
     hide_others(s.known.tubes, &tube, &mine, s.map, hidden);
     // Behind a hand its shadow and what it hides look alike, and the tube would come apart.
     const bool open = std::ranges::none_of(tube.stations, tubetrack::hidden);
-    if (open) hide_beside_gaps(mine, s.config, s.map, hidden);
+    if (open) hide_beside_gaps(mine, s.map, hidden);
     follow_tube(tube, s.map, s.config, frame.timestamp_s, elapsed_s);
     show_again(s.map, hidden);
   }
