@@ -179,8 +179,8 @@ bool is_sparse(const Voxel& box, double radius_m, double cell_m, double px_per_m
 }
 
 RecycledVector<FoundTube> find_tubes(AccumulationMap& votes, std::span<const Surfel> surfels,
-                                     std::span<const CastVote> cast, std::span<const FollowedTube> known,
-                                     HeightMap& map, const TrackerConfig& config, int max_failures, Deadline& deadline,
+                                     std::vector<CastVote>& cast, std::span<const FollowedTube> known, HeightMap& map,
+                                     const TrackerConfig& config, int max_failures, Deadline& deadline,
                                      RecycledVector<FailedPlace>& failed, StageTimes& times) {
   Stopwatch watch;
   RecycledVector<FoundTube> tubes;
@@ -240,9 +240,11 @@ RecycledVector<FoundTube> find_tubes(AccumulationMap& votes, std::span<const Sur
   if (tubes.size() != found_at_once) part_neighbors(tubes, map, config);
   watch.lap(times.fit_ms);
   show_again(map, hidden);
+  std::size_t kept = 0;
   for (std::size_t i = 0; i < cast.size(); ++i) {
-    if (withdrawn[i]) votes.add(cast[i].record);
+    if (!withdrawn[i]) cast[kept++] = cast[i];
   }
+  cast.resize(kept);
   return tubes;
 }
 

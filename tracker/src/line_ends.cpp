@@ -86,7 +86,7 @@ bool may_go_on(const HeightMap& map, const NoiseModel& noise, const TubeModel& m
   constexpr int kSpans = 3;
   constexpr int kRefuted = 4;  // stations; with three in a row `seen_extent` ends
   if (!model.profile.offset_m.empty()) return true;
-  PredictedPixels pixels;
+  thread_local PredictedPixels pixels;  // for its buffers
   for (const bool front : {false, true}) {
     const TubeModel end{beyond_end(model.spline, front, kSpans), model.radius_m};
     predict_pixels(map, noise, end, stride, pixels);
