@@ -18,6 +18,7 @@ namespace tubetrack {
 namespace {
 
 constexpr int kHiddenSpans = 12;  // behind something nearer a tube may go on so far
+constexpr double kLong = 12.0;    // radii: no body of a vessel
 
 double spacing_m(const Spline& spline) {
   return (spline.control_m[2] - spline.control_m[1]).norm();
@@ -135,7 +136,8 @@ struct Rounds {
 std::optional<FoundTube> grow_until_settled(const HeightMap& map, const TrackerConfig& config, TubeModel model,
                                             int stride, const Rounds& rounds, const PredictedPixels* pixels = nullptr) {
   constexpr double kCalm = 0.01;  // radii, below the noise of a fit
-  constexpr double kLeap = 0.5;   // radii: what the image confirms does not move so far
+  constexpr double kSure = 0.02;
+  constexpr double kLeap = 0.5;  // radii: what the image confirms does not move so far
   constexpr int kMaxLeaps = 2;
   constexpr int kMaxSwings = 4;  // a tube that was followed too far comes back once
   FoundTube found;
@@ -175,7 +177,9 @@ std::optional<FoundTube> grow_until_settled(const HeightMap& map, const TrackerC
     if (round > 0 && moved > kLeap && ++leaps == kMaxLeaps) return std::nullopt;
     if (round > 3 && length_m < length_before_m - radius_m && ++swings == kMaxSwings) return std::nullopt;
     const bool settled = std::abs(length_m - length_before_m) < 0.1 * radius_m;
-    const bool calm = rounds.length_m > 0.0 && moved < kCalm;
+    // What is long and seen well is at its place at once; what is hidden in part comes there by small steps.
+    const bool sure = round > 0 && moved < kSure && length_m > kLong * radius_m && is_well_seen(stations, found.extent);
+    const bool calm = sure || (rounds.length_m > 0.0 && moved < kCalm);
     if ((settled && (round >= rounds.before_settled || calm)) || round + 1 == rounds.at_most) break;
     length_before_m = length_m;
     reach_beyond(found.model.spline, found.extent);
@@ -218,6 +222,10 @@ std::optional<FoundTube> grow_from(const HeightMap& map, const TrackerConfig& co
                                    const RecycledVector<Eigen::Vector3d>& line_m) {
   if (line_m.size() > 3) {
     TubeModel traced{spline_along(line_m, kKnotSpacingRadii * start.radius_m), start.radius_m};
+    // Votes end before the tube does: a round less to grow.
+    if (traced.spline.spans() * kKnotSpacingRadii > kLong) {
+      for (int i = 0; i < 2; ++i) extend(traced.spline, true, true);
+    }
     auto found = grow_model(map, config, std::move(traced));
     if (found && !why_no_tube(found->evidence, found->model.radius_m, config)) return found;
   }
