@@ -17,8 +17,8 @@ namespace tubetrack {
 
 namespace {
 
-constexpr int kHiddenSpans = 12;  // behind something nearer a tube may go on so far
-constexpr double kLong = 12.0;    // radii: no body of a vessel
+constexpr int kHiddenSpans = 12;    // behind something nearer a tube may go on so far
+constexpr double kLongLine = 12.0;  // radii: no body of a vessel
 
 double spacing_m(const Spline& spline) {
   return (spline.control_m[2] - spline.control_m[1]).norm();
@@ -104,7 +104,7 @@ std::optional<double> silhouette_radius_m(const Evidence& e, double radius_m) {
 
 /// What the predicted pixels say of the stations, and how far along it the image confirms the model, across gaps so
 /// wide.
-RecycledVector<Station> judge(const HeightMap& map, int stride, double max_gap_radii, FoundTube& found) {
+RecycledVector<Station> judge_extent(const HeightMap& map, int stride, double max_gap_radii, FoundTube& found) {
   const double station_m = stride * station_length_m(map, found.model);
   auto stations = stations_of(map, found.model, found.pixels, station_m);
   found.extent = seen_extent(stations, station_m, max_gap_radii * found.model.radius_m);
@@ -116,7 +116,7 @@ RecycledVector<Station> judge(const HeightMap& map, int stride, double max_gap_r
 RecycledVector<Station> look(const HeightMap& map, const TrackerConfig& config, int stride, double max_gap_radii,
                              FoundTube& found) {
   predict_pixels(map, config.noise, found.model, stride, found.pixels);
-  return judge(map, stride, max_gap_radii, found);
+  return judge_extent(map, stride, max_gap_radii, found);
 }
 
 /// How long it is grown: until its length stays, in more rounds than the first and at most the second number.
@@ -151,7 +151,7 @@ std::optional<FoundTube> grow_until_settled(const HeightMap& map, const TrackerC
   thread_local Sighting sighting;  // for its buffers
   if (pixels) {
     found.pixels = *pixels;
-    judge(map, stride, rounds.max_gap_radii, found);
+    judge_extent(map, stride, rounds.max_gap_radii, found);
   } else {
     look(map, config, stride, rounds.max_gap_radii, found);
   }
@@ -178,7 +178,8 @@ std::optional<FoundTube> grow_until_settled(const HeightMap& map, const TrackerC
     if (round > 3 && length_m < length_before_m - radius_m && ++swings == kMaxSwings) return std::nullopt;
     const bool settled = std::abs(length_m - length_before_m) < 0.1 * radius_m;
     // What is long and seen well is at its place at once; what is hidden in part comes there by small steps.
-    const bool sure = round > 0 && moved < kSure && length_m > kLong * radius_m && is_well_seen(stations, found.extent);
+    const bool sure =
+        round > 0 && moved < kSure && length_m > kLongLine * radius_m && is_well_seen(stations, found.extent);
     const bool calm = sure || (rounds.length_m > 0.0 && moved < kCalm);
     if ((settled && (round >= rounds.before_settled || calm)) || round + 1 == rounds.at_most) break;
     length_before_m = length_m;
@@ -223,7 +224,7 @@ std::optional<FoundTube> grow_from(const HeightMap& map, const TrackerConfig& co
   if (line_m.size() > 3) {
     TubeModel traced{spline_along(line_m, kKnotSpacingRadii * start.radius_m), start.radius_m};
     // Votes end before the tube does: a round less to grow.
-    if (traced.spline.spans() * kKnotSpacingRadii > kLong) {
+    if (traced.spline.spans() * kKnotSpacingRadii > kLongLine) {
       for (int i = 0; i < 2; ++i) extend(traced.spline, true, true);
     }
     auto found = grow_model(map, config, std::move(traced));
