@@ -223,10 +223,6 @@ std::optional<FoundTube> grow_from(const HeightMap& map, const TrackerConfig& co
                                    const RecycledVector<Eigen::Vector3d>& line_m) {
   if (line_m.size() > 3) {
     TubeModel traced{spline_along(line_m, kKnotSpacingRadii * start.radius_m), start.radius_m};
-    // Votes end before the tube does: a round less to grow.
-    if (traced.spline.spans() * kKnotSpacingRadii > kLongLine) {
-      for (int i = 0; i < 2; ++i) extend(traced.spline, true, true);
-    }
     auto found = grow_model(map, config, std::move(traced));
     if (found && !why_no_tube(found->evidence, found->model.radius_m, config)) return found;
   }
