@@ -47,12 +47,9 @@ TEST(LineEnds, GoingOnFromWhatIsTooShortOrFromAllOfItChangesNothing) {
   EXPECT_EQ(little.control_m, before.control_m);
 }
 
-/// Of a straight, or one that leans away from the camera by `lean` along its way, seen where `sees` says so.
+/// Ten a span, seen where `sees` says so.
 template <typename Sees>
-EndTrim trim_where_seen(double lean, double spans, Sees sees) {
-  Spline line;
-  for (int i = 0; i < static_cast<int>(spans) + 3; ++i)
-    line.control_m.emplace_back(0.02 * i - 0.2, 0.0, 0.8 + lean * i);
+RecycledVector<Station> stations_where_seen(double spans, Sees sees) {
   RecycledVector<Station> stations;
   for (double t = 0.05; t < spans; t += 0.1) {
     Station station;
@@ -61,7 +58,16 @@ EndTrim trim_where_seen(double lean, double spans, Sees sees) {
     (sees(t) ? station.agree : station.before) = 20;
     stations.push_back(station);
   }
-  return trim_of(line, stations, {1.0, spans - 1.0});
+  return stations;
+}
+
+/// Of a straight, or one that leans away from the camera by `lean` along its way, seen where `sees` says so.
+template <typename Sees>
+EndTrim trim_where_seen(double lean, double spans, Sees sees) {
+  Spline line;
+  for (int i = 0; i < static_cast<int>(spans) + 3; ++i)
+    line.control_m.emplace_back(0.02 * i - 0.2, 0.0, 0.8 + lean * i);
+  return trim_of(line, stations_where_seen(spans, sees), {1.0, spans - 1.0});
 }
 
 TEST(LineEnds, AnEndThatTurnsItsFaceToTheCameraIsNotFitted) {
@@ -87,6 +93,17 @@ TEST(LineEnds, AShortPieceGivesUpATenthAtAnEndThatTurnsItsFaceToTheCamera) {
   const EndTrim trim = trim_where_seen(0.02, 4.0, [](double) { return true; });
   EXPECT_NEAR(trim.at_begin, 0.2, 1e-12);
   EXPECT_EQ(trim.at_end, 0.0);
+}
+
+// What grows from a line is settled early where it is seen well: a tenth may be hidden, but no end that is seen little
+// beyond a gap.
+TEST(LineEnds, ALineIsSeenWellWithAGapInItButNotWithOneNearAnEnd) {
+  const Extent extent{1.0, 19.0};
+  const auto gap = [](double from, double to) { return [=](double t) { return t < from || t > to; }; };
+  EXPECT_TRUE(is_well_seen(stations_where_seen(20.0, gap(9.0, 10.7)), extent));
+  EXPECT_FALSE(is_well_seen(stations_where_seen(20.0, gap(9.0, 11.0)), extent));   // more than a tenth
+  EXPECT_FALSE(is_well_seen(stations_where_seen(20.0, gap(14.0, 15.7)), extent));  // an end of 3.3 spans
+  EXPECT_FALSE(is_well_seen(stations_where_seen(20.0, gap(4.9, 6.6)), extent));
 }
 
 }  // namespace

@@ -182,9 +182,12 @@ bool sure_at_once(const TubeModel& model, const Extent& extent, const Evidence& 
 /// Starts to follow a tube that was not known, if all that the image confirms of it still says that it is one.
 void take_in_fresh(KnownTubes& known, FoundTube found, const HeightMap& map, const TrackerConfig& config,
                    double timestamp_s) {
+  Evidence evidence = found.evidence;
+  const Extent extent = found.extent;
   FollowedTube fresh = start_following(std::move(found), map, config, timestamp_s, known.next_id);
   // Lengthened along all that the image confirms it may turn out to be none: a forearm's taper shows over its length.
-  const Evidence evidence = gather_evidence(map, config.noise, fresh.model, fresh.pixels, fresh.extent);
+  const bool longer = fresh.extent.t_begin != extent.t_begin || fresh.extent.t_end != extent.t_end;
+  if (longer) evidence = gather_evidence(map, config.noise, fresh.model, fresh.pixels, fresh.extent);
   if (why_no_tube(evidence, fresh.model.radius_m, config)) return;
   ++known.next_id;
   fresh.confirmed = known.first_frame && sure_at_once(fresh.model, fresh.extent, evidence);

@@ -298,7 +298,8 @@ void look_beside(const HeightMap& map, const NoiseModel& noise, const TubeModel&
   for (double& offset_m : wide.profile.offset_m) offset_m *= kRingBorders.back();
   // Medians of many pixels: of a wide tube, every so manieth will do.
   const int stride = std::clamp(static_cast<int>(evidence.width_px / 12.0), 1, 4);
-  const PredictedPixels pixels = predict_pixels(map, noise, wide, stride);
+  thread_local PredictedPixels pixels;  // for its buffers
+  predict_pixels(map, noise, wide, stride, pixels);
   const std::array<Beside, 2> both{beside(map, model, extent, pixels, -1.0), beside(map, model, extent, pixels, 1.0)};
   const auto& [left, right] = both;
   evidence.edge_share = straight_share(both);

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
 #include <utility>
 #include <vector>
 
@@ -19,6 +20,7 @@ namespace {
 constexpr int kMinVotes = 12;
 constexpr double kLeastSpread = 0.01;         // what is flat votes alike
 constexpr double kLeastVotesPerPixel = 0.25;  // a third of what tubes have (find_tubes_test)
+constexpr double kShares = 0.003;             // of a tube's pixels
 constexpr int kFirstRest = 8;                 // frames
 constexpr int kLongestRest = 32;              // a second
 
@@ -110,7 +112,7 @@ bool take_place(RecycledVector<FoundTube>& tubes, const FoundTube& found) {
 }
 
 /// Fits every tube again that others are seen in front of, without the pixels that are theirs: where two touch, the
-/// flank of one runs on into the other's.
+/// flank of one runs on into the other's. A few pixels do not pull: each is off by a tenth of the radius at most.
 void part_neighbors(RecycledVector<FoundTube>& tubes, HeightMap& map, const TrackerConfig& config) {
   HiddenCells hidden;
   for (FoundTube& tube : tubes) {
@@ -119,9 +121,10 @@ void part_neighbors(RecycledVector<FoundTube>& tubes, HeightMap& map, const Trac
       if (&other != &tube) hide_from(&mine, seen(other), map, hidden);
     }
     hide_beside_gaps(mine, map, hidden);
-    const bool shares = std::any_of(tube.pixels.begin(), tube.pixels.end(),
-                                    [&](const PredictedPixel& pixel) { return map.depth_m[pixel.cell] < 0.0F; });
-    if (shares) fit_again(map, config, tube);
+    const auto& cells = tube.pixels.cell;
+    const auto shared = std::count_if(cells.begin(), cells.begin() + static_cast<std::ptrdiff_t>(tube.pixels.size()),
+                                      [&](std::uint32_t cell) { return map.depth_m[cell] < 0.0F; });
+    if (static_cast<double>(shared) > kShares * static_cast<double>(tube.pixels.size())) fit_again(map, config, tube);
     show_again(map, hidden);
   }
 }
@@ -179,8 +182,8 @@ bool is_sparse(const Voxel& box, double radius_m, double cell_m, double px_per_m
 }
 
 RecycledVector<FoundTube> find_tubes(AccumulationMap& votes, std::span<const Surfel> surfels,
-                                     std::span<const CastVote> cast, std::span<const FollowedTube> known,
-                                     HeightMap& map, const TrackerConfig& config, int max_failures, Deadline& deadline,
+                                     std::vector<CastVote>& cast, std::span<const FollowedTube> known, HeightMap& map,
+                                     const TrackerConfig& config, int max_failures, Deadline& deadline,
                                      RecycledVector<FailedPlace>& failed, StageTimes& times) {
   Stopwatch watch;
   RecycledVector<FoundTube> tubes;
@@ -240,9 +243,11 @@ RecycledVector<FoundTube> find_tubes(AccumulationMap& votes, std::span<const Sur
   if (tubes.size() != found_at_once) part_neighbors(tubes, map, config);
   watch.lap(times.fit_ms);
   show_again(map, hidden);
+  std::size_t kept = 0;
   for (std::size_t i = 0; i < cast.size(); ++i) {
-    if (withdrawn[i]) votes.add(cast[i].record);
+    if (!withdrawn[i]) cast[kept++] = cast[i];
   }
+  cast.resize(kept);
   return tubes;
 }
 

@@ -18,7 +18,6 @@ constexpr double kRestChi2 = 30.0;      // 6 degrees of freedom: once in 25,000 
 constexpr int kFramesToComeToRest = 6;  // long enough for 1 mm/s to show
 // Radii: so little a placing may still move for the fit to take it along.
 constexpr double kSettled = 0.02;
-constexpr double kStale = 0.02;  // radii: so far a model may have moved from the one whose pixels were predicted
 // Radii: at rest the last pixels are taken again while the model is so near to theirs, far below the noise of a
 // reading.
 constexpr double kUnmoved = 0.002;
@@ -163,8 +162,7 @@ void follow_tube(FollowedTube& tube, const HeightMap& map, const TrackerConfig& 
     fitted = fit_once(tube, config, model, std::move(view), tube.at_rest ? tube.pooled : radius_only(tube),
                       tube.at_rest ? &tube.profile_pool : nullptr, true);
     if (fitted) take_model(tube, std::move(model), config);
-    if (fitted && moved_m(tube.predicted, tube.model, tube.extent) > kStale * tube.model.radius_m)
-      predict(tube, map, config, tube.model);
+    if (fitted && is_stale(tube, tube.model)) predict(tube, map, config, tube.model);
   }
   if (!fitted) {
     tube.model = expected;

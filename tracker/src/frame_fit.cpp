@@ -7,6 +7,7 @@
 #include "fit_steps.hpp"
 #include "followed_extent.hpp"
 #include "line_ends.hpp"
+#include "motion.hpp"
 #include "observe.hpp"
 #include "pool.hpp"
 #include "tubetrack/tracker/predict.hpp"
@@ -75,12 +76,17 @@ void take_model(FollowedTube& tube, TubeModel model, const TrackerConfig& config
   tube.radius_information = information_of(tube.quality.radius_sigma_m);
 }
 
+bool is_stale(const FollowedTube& tube, const TubeModel& model) {
+  constexpr double kStale = 0.02;
+  return moved_m(tube.predicted, model, tube.extent) > kStale * model.radius_m;
+}
+
 bool fit_to_frame(FollowedTube& tube, const HeightMap& map, const TrackerConfig& config, TubeModel model) {
   const Information nothing = no_information(model);
   predict(tube, map, config, model);
   if (!fit_once(tube, config, model, view_of(tube, map, config, model, 0.2, 0.2), nothing, nullptr, false))
     return false;
-  predict(tube, map, config, model);
+  if (is_stale(tube, model)) predict(tube, map, config, model);
   if (!fit_once(tube, config, model, view_of(tube, map, config, model, kFitGate, kFitGate), nothing, nullptr, true))
     return false;
   take_model(tube, std::move(model), config);

@@ -14,6 +14,9 @@ inline constexpr double kFitGate = 0.1;
 /// Predicts the pixels of a model, for the tube to keep.
 void predict(FollowedTube& tube, const HeightMap& map, const TrackerConfig& config, const TubeModel& model);
 
+/// Has a model moved from the one whose pixels were predicted, by more than a fiftieth of the radius?
+bool is_stale(const FollowedTube& tube, const TubeModel& model);
+
 /// What the frame says of a model whose pixels the tube has: those near it, which are fitted, and all about it, by
 /// which it is found again.
 struct View {

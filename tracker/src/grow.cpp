@@ -17,7 +17,8 @@ namespace tubetrack {
 
 namespace {
 
-constexpr int kHiddenSpans = 12;  // behind something nearer a tube may go on so far
+constexpr int kHiddenSpans = 12;    // behind something nearer a tube may go on so far
+constexpr double kLongLine = 12.0;  // radii: no body of a vessel
 
 double spacing_m(const Spline& spline) {
   return (spline.control_m[2] - spline.control_m[1]).norm();
@@ -27,16 +28,38 @@ double length_of(const FoundTube& found) {
   return (found.extent.t_end - found.extent.t_begin) * spacing_m(found.model.spline);
 }
 
-/// Cuts the extent where the centreline bends tighter than a tube can (1.5 radii), seen from its middle.
+constexpr double kTightest = 1.5;  // radii: a tube bends no tighter
+
+/// Of each span, do its control points alone tell that the line bends less than `kTightest` there? The derivative is
+/// within `bend` of the middle step; what it turns by over a short stretch, and how long that is, follow from both.
+RecycledVector<bool> gentle_spans(const TubeModel& model) {
+  const auto& q = model.spline.control_m;
+  RecycledVector<bool> gentle;
+  for (std::size_t k = 0; k + 3 < q.size(); ++k) {
+    const Eigen::Vector3d step = q[k + 2] - q[k + 1];
+    const double bend = std::max((step - (q[k + 1] - q[k])).norm(), (q[k + 3] - q[k + 2] - step).norm());
+    const double least = step.norm() - bend;
+    // An angle is at most 1.05 times its sine up to 60° of turn.
+    gentle.push_back(bend < 2.0 * least && 1.1 * kTightest * model.radius_m * bend < least * (least - 0.125 * bend));
+  }
+  return gentle;
+}
+
+/// Cuts the extent where the centreline bends tighter than a tube can, seen from its middle.
 void cut_at_kinks(const TubeModel& model, Extent& extent) {
+  constexpr double kStep = 0.25;
+  const RecycledVector<bool> gentle = gentle_spans(model);
+  const auto is_gentle = [&](double t) {
+    return gentle[static_cast<std::size_t>(std::clamp(static_cast<int>(t), 0, static_cast<int>(gentle.size()) - 1))];
+  };
   const double middle = 0.5 * (extent.t_begin + extent.t_end);
   const auto kinked = [&](double t) {
-    constexpr double kStep = 0.25;
+    if (is_gentle(t - kStep) && is_gentle(t + kStep)) return false;
     const Eigen::Vector3d before = derivative_at(model.spline, t - kStep);
     const Eigen::Vector3d after = derivative_at(model.spline, t + kStep);
     const double turn = std::atan2(before.cross(after).norm(), before.dot(after));
     const double length = (point_at(model.spline, t + kStep) - point_at(model.spline, t - kStep)).norm();
-    return turn * 1.5 * model.radius_m > length;
+    return turn * kTightest * model.radius_m > length;
   };
   for (double t = middle; t < extent.t_end; t += 0.125) {
     if (kinked(t)) extent.t_end = t;
@@ -79,15 +102,21 @@ std::optional<double> silhouette_radius_m(const Evidence& e, double radius_m) {
   return reach * radius_m;
 }
 
-/// Pixels and stations of the present model, and how far along it the image confirms it, across gaps so wide.
-RecycledVector<Station> look(const HeightMap& map, const TrackerConfig& config, int stride, double max_gap_radii,
-                             FoundTube& found) {
-  predict_pixels(map, config.noise, found.model, stride, found.pixels);
+/// What the predicted pixels say of the stations, and how far along it the image confirms the model, across gaps so
+/// wide.
+RecycledVector<Station> judge_extent(const HeightMap& map, int stride, double max_gap_radii, FoundTube& found) {
   const double station_m = stride * station_length_m(map, found.model);
   auto stations = stations_of(map, found.model, found.pixels, station_m);
   found.extent = seen_extent(stations, station_m, max_gap_radii * found.model.radius_m);
   cut_at_kinks(found.model, found.extent);
   return stations;
+}
+
+/// The same for the present model, whose pixels are predicted.
+RecycledVector<Station> look(const HeightMap& map, const TrackerConfig& config, int stride, double max_gap_radii,
+                             FoundTube& found) {
+  predict_pixels(map, config.noise, found.model, stride, found.pixels);
+  return judge_extent(map, stride, max_gap_radii, found);
 }
 
 /// How long it is grown: until its length stays, in more rounds than the first and at most the second number.
@@ -102,11 +131,13 @@ struct Rounds {
 };
 
 /// Looks how far the image confirms the tube, fits to that part alone, lengthens or shortens it, until it stays. What
-/// is not confirmed yet (the table under a can, its lid) must not pull at the fit.
+/// is not confirmed yet (the table under a can, its lid) must not pull at the fit. `pixels`: the model's, where they
+/// are predicted already.
 std::optional<FoundTube> grow_until_settled(const HeightMap& map, const TrackerConfig& config, TubeModel model,
-                                            int stride, const Rounds& rounds) {
+                                            int stride, const Rounds& rounds, const PredictedPixels* pixels = nullptr) {
   constexpr double kCalm = 0.01;  // radii, below the noise of a fit
-  constexpr double kLeap = 0.5;   // radii: what the image confirms does not move so far
+  constexpr double kSure = 0.02;
+  constexpr double kLeap = 0.5;  // radii: what the image confirms does not move so far
   constexpr int kMaxLeaps = 2;
   constexpr int kMaxSwings = 4;  // a tube that was followed too far comes back once
   FoundTube found;
@@ -118,7 +149,12 @@ std::optional<FoundTube> grow_until_settled(const HeightMap& map, const TrackerC
   options.radius_max_m = 1.5 * config.radius_max_m;
   RecycledVector<Station> stations;
   thread_local Sighting sighting;  // for its buffers
-  look(map, config, stride, rounds.max_gap_radii, found);
+  if (pixels) {
+    found.pixels = *pixels;
+    judge_extent(map, stride, rounds.max_gap_radii, found);
+  } else {
+    look(map, config, stride, rounds.max_gap_radii, found);
+  }
   double length_before_m = rounds.length_m;
   int swings = 0, leaps = 0;
   for (int round = 0; round < rounds.at_most; ++round) {
@@ -141,7 +177,10 @@ std::optional<FoundTube> grow_until_settled(const HeightMap& map, const TrackerC
     if (round > 0 && moved > kLeap && ++leaps == kMaxLeaps) return std::nullopt;
     if (round > 3 && length_m < length_before_m - radius_m && ++swings == kMaxSwings) return std::nullopt;
     const bool settled = std::abs(length_m - length_before_m) < 0.1 * radius_m;
-    const bool calm = rounds.length_m > 0.0 && moved < kCalm;
+    // What is long and seen well is at its place at once; what is hidden in part comes there by small steps.
+    const bool sure =
+        round > 0 && moved < kSure && length_m > kLongLine * radius_m && is_well_seen(stations, found.extent);
+    const bool calm = sure || (rounds.length_m > 0.0 && moved < kCalm);
     if ((settled && (round >= rounds.before_settled || calm)) || round + 1 == rounds.at_most) break;
     length_before_m = length_m;
     reach_beyond(found.model.spline, found.extent);
@@ -259,7 +298,7 @@ void fit_again(const HeightMap& map, const TrackerConfig& config, FoundTube& tub
   TrackerConfig held = config;
   if (tube.held_radius_m) held.radius_m = tube.held_radius_m;
   const Rounds rounds{2, 4, kHiddenSpans * kKnotSpacingRadii, 1.0, length_of(tube)};
-  auto again = grow_until_settled(map, held, tube.model, 1, rounds);
+  auto again = grow_until_settled(map, held, tube.model, 1, rounds, &tube.pixels);
   if (!again || again->evidence.length_m < 0.8 * tube.evidence.length_m) return;
   look_beside(map, config.noise, again->model, again->extent, again->evidence);
   if (why_no_tube(again->evidence, again->model.radius_m, config)) return;

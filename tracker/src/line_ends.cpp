@@ -70,6 +70,19 @@ TurnedEnds turned_to_camera(const Spline& spline, const Extent& extent) {
           toward_camera(extent.t_end - kInside, 1.0) > kTurned};
 }
 
+bool is_well_seen(const RecycledVector<Station>& stations, const Extent& extent) {
+  constexpr double kLeastRun = 4.0;
+  int inside = 0, unseen = 0;
+  for (const Station& station : stations) {
+    if (station.t <= extent.t_begin || station.t >= extent.t_end) continue;
+    ++inside;
+    unseen += station.seen() ? 0 : 1;
+  }
+  return 10 * unseen <= inside &&
+         seen_at_once(extent.t_begin, extent.t_end, stations.begin(), stations.end()) > kLeastRun &&
+         seen_at_once(extent.t_end, extent.t_begin, stations.rbegin(), stations.rend()) > kLeastRun;
+}
+
 EndTrim trim_of(const Spline& spline, const RecycledVector<Station>& stations, const Extent& extent) {
   const double length = extent.t_end - extent.t_begin;
   const double trim = std::min(kTrim, 0.1 * length);
@@ -86,7 +99,7 @@ bool may_go_on(const HeightMap& map, const NoiseModel& noise, const TubeModel& m
   constexpr int kSpans = 3;
   constexpr int kRefuted = 4;  // stations; with three in a row `seen_extent` ends
   if (!model.profile.offset_m.empty()) return true;
-  PredictedPixels pixels;
+  thread_local PredictedPixels pixels;  // for its buffers
   for (const bool front : {false, true}) {
     const TubeModel end{beyond_end(model.spline, front, kSpans), model.radius_m};
     predict_pixels(map, noise, end, stride, pixels);

@@ -25,6 +25,9 @@ TurnedEnds turned_to_camera(const Spline& spline, const Extent& extent);
 /// out has to be guessed, and a guessed end is several times as far off as a seen one.
 EndTrim trim_of(const Spline& spline, const RecycledVector<Station>& stations, const Extent& extent);
 
+/// Is nine tenths of an extent seen, and from either end four spans and more without a gap?
+bool is_well_seen(const RecycledVector<Station>& stations, const Extent& extent);
+
 /// Does the image leave it open at an end of a line whether a tube goes on behind something nearer? Mostly the camera
 /// looks past the end, which two radii beyond it show.
 bool may_go_on(const HeightMap& map, const NoiseModel& noise, const TubeModel& model, int stride);

@@ -68,17 +68,18 @@ std::optional<FoundTube> fit_seed(const HeightMap& map, const TrackerConfig& con
   options.radius_min_m = 0.5 * config.radius_min_m;
   options.radius_max_m = 1.5 * config.radius_max_m;
   const int stride = seed_stride(map, seed, model.radius_m);
-  thread_local Sighting sighting;  // for its buffers
+  thread_local Sighting sighting;  // for their buffers
+  thread_local PredictedPixels pixels;
   constexpr std::array<double, 4> kGatesRadii{0.5, 0.3, 0.2, 0.15};
   double before_m = model.radius_m;
   for (const double gate_radii : kGatesRadii) {
     const bool is_first = gate_radii == kGatesRadii[0];
     options.radius_m = is_first ? model.radius_m : config.radius_m;
-    predict_pixels(map, config.noise, model, stride, found.pixels);
-    if (gate_radii == kGatesRadii[1] && !config.radius_m && is_flat(map, model, found.pixels)) return std::nullopt;
+    predict_pixels(map, config.noise, model, stride, pixels);
+    if (gate_radii == kGatesRadii[1] && !config.radius_m && is_flat(map, model, pixels)) return std::nullopt;
     const double gate_m = gate_radii * model.radius_m;
-    observe(map, config.noise, model.spline, found.pixels, {gate_m, gate_m, 3.0}, kWholeTube, sighting);
-    if (!is_first && static_cast<double>(sighting.near.count) < kLeastUsed * static_cast<double>(found.pixels.count))
+    observe(map, config.noise, model.spline, pixels, {gate_m, gate_m, 3.0}, kWholeTube, sighting);
+    if (!is_first && static_cast<double>(sighting.near.count) < kLeastUsed * static_cast<double>(pixels.count))
       return std::nullopt;
     options.want_covariance = false;
     const double then_m = model.radius_m;
@@ -86,9 +87,9 @@ std::optional<FoundTube> fit_seed(const HeightMap& map, const TrackerConfig& con
     before_m = then_m;
   }
   found.extent = {0.0, model.spline.spans()};
-  predict_pixels(map, config.noise, model, stride, found.pixels);
-  const auto stations = stations_of(map, model, found.pixels, station_length_m(map, model));
-  found.evidence = surface_evidence(map, config.noise, model, found.pixels, stations, found.extent);
+  predict_pixels(map, config.noise, model, stride, pixels);
+  const auto stations = stations_of(map, model, pixels, station_length_m(map, model));
+  found.evidence = surface_evidence(map, config.noise, model, pixels, stations, found.extent);
   if (is_refuted(found.evidence, model, seed, config)) return std::nullopt;
   return found;
 }

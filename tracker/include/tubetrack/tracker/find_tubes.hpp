@@ -31,14 +31,15 @@ struct FailedPlace {
 bool is_sparse(const Voxel& box, double radius_m, double cell_m, double px_per_m);
 
 /// All tubes that the votes and the image agree on, best peak first: trace from the best peak, fit, withdraw the votes
-/// of the surfels that the tube explains, go on with the best peak that is left. `votes` holds `cast`, one vote a
-/// surfel, and holds it again in the end. Stops after `max_failures` seeds that were no tubes, or with the seed at hand
+/// of the surfels that the tube explains, go on with the best peak that is left. `votes` holds `cast`, which has a vote
+/// a surfel; what is withdrawn is taken out of both, as the next frame's surfels leave out what is explained. Stops
+/// after `max_failures` seeds that were no tubes, or with the seed at hand
 /// when the deadline passes; `failed` carries the failures from frame to frame, so that the next frame tries others.
 /// While it runs, readings of `map` that belong to a `known` tube in sight or to a neighbour are taken out of it; in
 /// the end it is as it was.
 RecycledVector<FoundTube> find_tubes(AccumulationMap& votes, std::span<const Surfel> surfels,
-                                     std::span<const CastVote> cast, std::span<const FollowedTube> known,
-                                     HeightMap& map, const TrackerConfig& config, int max_failures, Deadline& deadline,
+                                     std::vector<CastVote>& cast, std::span<const FollowedTube> known, HeightMap& map,
+                                     const TrackerConfig& config, int max_failures, Deadline& deadline,
                                      RecycledVector<FailedPlace>& failed, StageTimes& times);
 
 }  // namespace tubetrack
