@@ -11,7 +11,7 @@ namespace tubetrack {
 
 namespace {
 
-using Face = std::array<std::uint32_t, 3>;
+using Corners = std::array<std::uint32_t, 3>;
 
 struct HalfEdge {
   std::uint64_t key;  ///< its two points, the lower first
@@ -29,7 +29,7 @@ struct Neighbours {
   std::vector<bool> has_loose_edge;        ///< an edge of one face, or of three and more
 };
 
-std::vector<HalfEdge> sorted_half_edges(const std::vector<Face>& faces) {
+std::vector<HalfEdge> sorted_half_edges(const std::vector<Corners>& faces) {
   std::vector<HalfEdge> edges;
   edges.reserve(3 * faces.size());
   for (std::size_t i = 0; i < faces.size(); ++i) {
@@ -43,7 +43,7 @@ std::vector<HalfEdge> sorted_half_edges(const std::vector<Face>& faces) {
   return edges;
 }
 
-Neighbours neighbours_of(const std::vector<Face>& faces) {
+Neighbours neighbours_of(const std::vector<Corners>& faces) {
   const auto edges = sorted_half_edges(faces);
   Neighbours result{std::vector<std::array<Neighbours::Link, 3>>(faces.size()), std::vector<bool>(faces.size(), false)};
   const auto link = [&](std::uint32_t face, std::uint32_t other, bool agrees) {
@@ -70,7 +70,7 @@ struct Piece {
   bool closed = true;
 };
 
-double area_of(const Scan& scan, const Face& face) {
+double area_of(const Scan& scan, const Corners& face) {
   const Eigen::Vector3d& a = scan.points_m[face[0]];
   return 0.5 * (scan.points_m[face[1]] - a).cross(scan.points_m[face[2]] - a).norm();
 }
@@ -112,7 +112,7 @@ std::vector<Piece> make_consistent(const Scan& scan, const Neighbours& neighbour
   return pieces;
 }
 
-void turn_over(Face& face) {
+void turn_over(Corners& face) {
   std::swap(face[1], face[2]);
 }
 

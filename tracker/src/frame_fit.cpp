@@ -9,6 +9,7 @@
 #include "line_ends.hpp"
 #include "observe.hpp"
 #include "pool.hpp"
+#include "tube_result.hpp"
 #include "tubetrack/tracker/predict.hpp"
 #include "tubetrack/tracker/stations.hpp"
 
@@ -16,10 +17,9 @@ namespace tubetrack {
 
 namespace {
 
-constexpr double kRoundness = 3e-4;
 constexpr double kStraight = 0.003;  // radii, far below the noise of a reading
 
-FitOptions fit_options(const TrackerConfig& config, const FollowedTube& tube, const Information* prior) {
+FitOptions frame_fit_options(const TrackerConfig& config, const FollowedTube& tube, const Information* prior) {
   FitOptions options;
   options.radius_m = config.radius_m ? config.radius_m : tube.held_radius_m;
   options.varying_radius = config.varying_radius;
@@ -42,7 +42,7 @@ View view_of(const FollowedTube& tube, const HeightMap& map, const TrackerConfig
   thread_local Sighting sighting;  // for its buffers
   observe(map, config.noise, model.spline, tube.pixels, gates,
           {tube.extent.t_begin + tube.trim.at_begin, tube.extent.t_end - tube.trim.at_end}, sighting);
-  const bool free_radius = !fit_options(config, tube, nullptr).radius_m;
+  const bool free_radius = !frame_fit_options(config, tube, nullptr).radius_m;
   View view{observed_equations(model, sighting.near, free_radius), {}, {}};
   if (config.varying_radius) view.readings = sighting.near;
   if (far_radii <= near_radii) return view;
@@ -53,7 +53,7 @@ View view_of(const FollowedTube& tube, const HeightMap& map, const TrackerConfig
 
 bool fit_once(FollowedTube& tube, const TrackerConfig& config, TubeModel& model, View view, const Information& prior,
               const ProfileInformation* profile_prior, bool want_covariance) {
-  FitOptions options = fit_options(config, tube, &prior);
+  FitOptions options = frame_fit_options(config, tube, &prior);
   options.want_covariance = want_covariance;
   options.profile_prior = profile_prior;
   options.prior_has_places = tube.at_rest;
