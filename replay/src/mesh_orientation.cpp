@@ -127,8 +127,8 @@ double signed_volume(const Scan& scan, const Piece& piece) {
   return volume;
 }
 
-Side inner_side(const Scan& scan, const Piece& piece, double spacing_m) {
-  if (piece.closed) return signed_volume(scan, piece) > 0.0 ? Side::against_normals : Side::along_normals;
+VoteSide inner_side(const Scan& scan, const Piece& piece, double spacing_m) {
+  if (piece.closed) return signed_volume(scan, piece) > 0.0 ? VoteSide::against_normals : VoteSide::along_normals;
   std::vector<OrientedPoint> points;
   points.reserve(piece.faces.size());
   for (const std::uint32_t face : piece.faces) {
@@ -150,19 +150,19 @@ void orient_mesh(Scan& scan, double spacing_m) {
   }
   const auto disagreeing = std::accumulate(turned.begin(), turned.end(), std::size_t{0});
   // Pieces that cannot be told, such as flat ones, go with those that can.
-  std::vector<Side> sides;
+  std::vector<VoteSide> sides;
   double outward_faces = 0.0;
   std::size_t undecided = 0;
   for (const Piece& piece : pieces) {
     sides.push_back(inner_side(scan, piece, spacing_m));
     const auto count = static_cast<double>(piece.faces.size());
-    if (sides.back() == Side::undecided) undecided += piece.faces.size();
-    if (sides.back() == Side::against_normals) outward_faces += count;
-    if (sides.back() == Side::along_normals) outward_faces -= count;
+    if (sides.back() == VoteSide::undecided) undecided += piece.faces.size();
+    if (sides.back() == VoteSide::against_normals) outward_faces += count;
+    if (sides.back() == VoteSide::along_normals) outward_faces -= count;
   }
   std::size_t inverted = 0;
   for (std::size_t i = 0; i < pieces.size(); ++i) {
-    const bool inward = sides[i] == Side::along_normals || (sides[i] == Side::undecided && outward_faces < 0.0);
+    const bool inward = sides[i] == VoteSide::along_normals || (sides[i] == VoteSide::undecided && outward_faces < 0.0);
     if (!inward) continue;
     for (const std::uint32_t face : pieces[i].faces) turn_over(scan.faces[face]);
     inverted += pieces[i].faces.size();
