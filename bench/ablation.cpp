@@ -8,14 +8,14 @@ namespace tubetrack::bench {
 
 namespace {
 
-using Part = std::pair<const char*, bool DepthNoise::*>;
+using NoisePart = std::pair<const char*, bool DepthNoise::*>;
 
-constexpr std::array<Part, 6> kParts{{{"axial", &DepthNoise::axial},
-                                      {"jitter", &DepthNoise::jitter},
-                                      {"rounding", &DepthNoise::quantisation},
-                                      {"drop-out", &DepthNoise::dropout},
-                                      {"mixed", &DepthNoise::mixed},
-                                      {"shadow", &DepthNoise::shadow}}};
+constexpr std::array<NoisePart, 6> kParts{{{"axial", &DepthNoise::axial},
+                                           {"jitter", &DepthNoise::jitter},
+                                           {"rounding", &DepthNoise::quantisation},
+                                           {"drop-out", &DepthNoise::dropout},
+                                           {"mixed", &DepthNoise::mixed},
+                                           {"shadow", &DepthNoise::shadow}}};
 
 std::vector<std::pair<std::string, DepthNoise>> steps() {
   std::vector<std::pair<std::string, DepthNoise>> all{{"all", {}}};

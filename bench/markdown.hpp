@@ -6,6 +6,9 @@
 
 namespace tubetrack::bench {
 
+/// Units of tables.
+constexpr double kMm = 0.001, kPercent = 0.01;
+
 /// A number with so many digits after the point; "–" where it is not defined.
 std::string number(double value, int digits);
 /// The same, with its sign even where it is positive.

@@ -13,9 +13,6 @@ namespace tubetrack::bench {
 
 namespace {
 
-constexpr double kMm = 0.001;
-constexpr double kPercent = 0.01;
-
 constexpr const char* kIntervalsText = R"(## How to read it
 
 Scenes and seeds are those of [accuracy.md](accuracy.md), only more of them. For every node flagged visible the error

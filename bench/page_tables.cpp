@@ -11,9 +11,6 @@ namespace tubetrack::bench {
 
 namespace {
 
-constexpr double kMm = 0.001;
-constexpr double kPercent = 0.01;
-
 const RowResult& ours(const RowReport& report) {
   return report.by_method.front();
 }

@@ -13,7 +13,7 @@ namespace tubetrack {
 
 namespace {
 
-constexpr const char* kFooter =
+constexpr const char* kCalibrateNoiseFooter =
     R"(RECORDING is a still scene seen by a camera at rest, 10 frames or more, better 100: walls, boxes and a floor at all the
 depths that matter, some of them seen at a slant. How much each pixel's depth varies over time, by depth and by slant,
 gives the model; docs/noise.md has its formula. What the recording cannot tell is kept from --noise, and a note says so.
@@ -105,7 +105,7 @@ void add_calibrate_noise(CLI::App& app, int& exit_code) {
   auto options = std::make_shared<CalibrateOptions>();
   CLI::App* command =
       app.add_subcommand("calibrate-noise", "find a sensor's noise model from a recording of a still scene");
-  command->footer(kFooter);
+  command->footer(kCalibrateNoiseFooter);
   command->add_option("RECORDING", options->recording, "a recording of a still scene, camera at rest")->required();
   add_recording_flags(*command, options->reading);
   command->add_option("--noise", options->noise, "the model to start from, kinect1 if left out")

@@ -14,7 +14,7 @@ namespace tubetrack {
 
 namespace {
 
-constexpr const char* kFooter =
+constexpr const char* kEvalFooter =
     R"(The score, for each true tube and for all: coverage (visible centreline that was found), RMS (distance of the reported
 line to the true one), false length (reported line that is no tube), radius error (median), how much of the truth is in
 the reported 95 % interval, IDF1 and identity switches (the true tube got another id) and transfers (the id went to
@@ -114,7 +114,7 @@ Expected<void> evaluate(const EvalOptions& options) {
 void add_eval(CLI::App& app, int& exit_code) {
   auto options = std::make_shared<EvalOptions>();
   CLI::App* command = app.add_subcommand("eval", "score a run against the recording's true tubes");
-  command->footer(kFooter);
+  command->footer(kEvalFooter);
   command->add_option("RECORDING", options->recording, "a recording with its truth.jsonl")->required();
   command->add_option("TUBES.jsonl", options->results, "what `tubetrack replay --out` wrote; left out: track now");
   command->add_flag("--json", options->json, "one JSON object instead of a table; metres and fractions");

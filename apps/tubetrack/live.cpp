@@ -16,7 +16,7 @@ namespace tubetrack {
 
 namespace {
 
-constexpr const char* kFooter =
+constexpr const char* kLiveFooter =
     R"(DEVICE is an URI that `tubetrack devices` lists; the first OpenNI2 device if left out. `libcamera` is the first camera
 of libcamera's, for depth that comes as grey values: it needs --depth-scale and --intrinsics. A run that can't keep up
 drops the oldest frame and counts it ("dropped" in the lines). A device that is unplugged, or silent, is waited for and
@@ -117,7 +117,7 @@ Expected<int> live(const LiveOptions& options) {
 void add_live(CLI::App& app, int& exit_code) {
   auto options = std::make_shared<LiveOptions>();
   CLI::App* command = app.add_subcommand("live", "follow the tubes that a live depth camera sees");
-  command->footer(kFooter);
+  command->footer(kLiveFooter);
   command->add_option("DEVICE", options->device, "the device to open");
   add_tracker_flags(*command, options->track);
   add_device_flags(*command, options->flags);

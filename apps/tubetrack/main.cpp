@@ -10,14 +10,14 @@ constexpr const char* kHelp =
     R"(tubetrack follows tubes, pipes, hoses and cables in the stream of a depth camera: for every frame it says where each
 tube's centreline runs and how thick the tube is. All lengths are in metres.)";
 
-constexpr const char* kFooter = R"(Start with:  tubetrack replay RECORDING --overlay pictures/ > tubes.jsonl
+constexpr const char* kMainFooter = R"(Start with:  tubetrack replay RECORDING --overlay pictures/ > tubes.jsonl
 Each command explains itself:  tubetrack replay --help)";
 
 int run(int argc, char** argv) {
   CLI::App app(kHelp, "tubetrack");
   int exit_code = 0;
   app.set_version_flag("--version", std::string("tubetrack ") + TUBETRACK_VERSION, "print the version and end");
-  app.footer(kFooter);
+  app.footer(kMainFooter);
   app.require_subcommand(0, 1);
   tubetrack::add_replay(app, exit_code);
   tubetrack::add_live(app, exit_code);

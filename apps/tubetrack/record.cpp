@@ -18,7 +18,7 @@ namespace tubetrack {
 
 namespace {
 
-constexpr const char* kFooter =
+constexpr const char* kRecordFooter =
     R"(Writes the frames of a device as a recording, until Ctrl-C or the end of --frames: into a folder in TUM form, bit for
 bit, readable at every moment up to its last frame; or, where PATH ends in .oni, into a file of OpenNI2's. That format is
 compressed and not bit exact for every image, and a recorder that is killed leaves a file that nothing can read; so it is
@@ -32,7 +32,7 @@ Examples:
 
 Exit codes: 0 done or ended by Ctrl-C, 1 it failed while running (no device, disk full), 2 wrong usage.)";
 
-constexpr std::chrono::milliseconds kPatience{100};  ///< how long Ctrl-C may have to wait for a silent device
+constexpr std::chrono::milliseconds kDevicePatience{100};  ///< how long Ctrl-C may have to wait for a silent device
 
 struct RecordOptions {
   std::vector<std::string> positional;  ///< [DEVICE] PATH
@@ -61,7 +61,7 @@ Expected<void> write(Target& target, const DepthFrame& frame) {
 Expected<void> record_frames(FrameSource& source, Target& target, bool quiet, Counts& counts) {
   DepthFrame frame;
   while (!interrupted()) {
-    const FrameOutcome outcome = source.next(frame, kPatience);
+    const FrameOutcome outcome = source.next(frame, kDevicePatience);
     if (const std::string note = source.take_note(); !note.empty() && !quiet) fmt::print(stderr, "note: {}\n", note);
     if (outcome == FrameOutcome::end_of_stream) break;
     if (outcome == FrameOutcome::corrupt) ++counts.corrupt;
@@ -130,7 +130,7 @@ Expected<void> record(const RecordOptions& options) {
 void add_record(CLI::App& app, int& exit_code) {
   auto options = std::make_shared<RecordOptions>();
   CLI::App* command = app.add_subcommand("record", "record the frames of a live depth camera");
-  command->footer(kFooter);
+  command->footer(kRecordFooter);
   command
       ->add_option("PATH", options->positional,
                    "the folder, or the .oni file, to record to; before it, the device to open")

@@ -13,7 +13,7 @@ namespace tubetrack {
 
 namespace {
 
-constexpr const char* kFooter =
+constexpr const char* kReplayFooter =
     R"(RECORDING is a folder in TUM form (depth.txt, camera_info.yaml, and groundtruth.txt where the camera moves), a bare
 folder of 16-bit PNG, TIFF or PGM images, a BOP scene, or an OpenNI2 file (.oni).
 
@@ -99,7 +99,7 @@ Expected<int> replay(const ReplayOptions& options) {
 void add_replay(CLI::App& app, int& exit_code) {
   auto options = std::make_shared<ReplayOptions>();
   CLI::App* command = app.add_subcommand("replay", "follow the tubes of a recording, frame by frame");
-  command->footer(kFooter);
+  command->footer(kReplayFooter);
   command->add_option("RECORDING", options->recording, "the recording to read");
   add_tracker_flags(*command, options->track);
   add_recording_flags(*command, options->reading);

@@ -20,7 +20,7 @@ namespace tubetrack {
 
 namespace {
 
-constexpr const char* kFooter =
+constexpr const char* kScanFooter =
     R"(FILE is a mesh (.off .obj .ply .stl), a point cloud (.xyz .txt .ply .pcd), voxels (.vol .mhd .mha .nii .nii.gz) or a
 16-bit height map (.png .pgm .tif .tiff; with --cell-size and --height-scale, unless `tubetrack replay --map plane
 --save-heightmap` wrote it: then a .json beside it says them). Meshes and clouds are taken to be in
@@ -153,7 +153,7 @@ Expected<void> run_scan(const ScanFlags& flags) {
 void add_scan(CLI::App& app, int& exit_code) {
   auto flags = std::make_shared<ScanFlags>();
   CLI::App* command = app.add_subcommand("scan", "find the tubes of a static scan: mesh, cloud, voxels, height map");
-  command->footer(kFooter);
+  command->footer(kScanFooter);
   add_scan_flags(*command, *flags);
   command->callback([flags, &exit_code] {
     const auto done = run_scan(*flags);

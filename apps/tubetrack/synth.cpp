@@ -15,7 +15,7 @@ namespace tubetrack {
 
 namespace {
 
-constexpr const char* kFooter =
+constexpr const char* kSynthFooter =
     R"(Examples:
   tubetrack synth --list
   tubetrack synth bent desk/                          then: tubetrack replay desk/, tubetrack eval desk/
@@ -82,7 +82,7 @@ int run_synth(const SynthOptions& options) {
 void add_synth(CLI::App& app, int& exit_code) {
   auto options = std::make_shared<SynthOptions>();
   CLI::App* command = app.add_subcommand("synth", "render a synthetic scene to a recording with its tube truth");
-  command->footer(kFooter);
+  command->footer(kSynthFooter);
   command->add_option("SCENE", options->scene, "a preset (--list) or a scene file, .json (docs/scene.md)");
   command->add_option("PATH", options->path, "folder to write; an earlier recording in it is overwritten");
   command->add_flag("--list", options->list, "print the presets' names and end");

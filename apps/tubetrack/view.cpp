@@ -17,7 +17,7 @@ namespace tubetrack {
 namespace {
 
 constexpr const char* kProgram = "tubetrack_window";
-constexpr std::chrono::seconds kPatience{20};         ///< for the window to come up
+constexpr std::chrono::seconds kWindowPatience{20};   ///< for the window to come up
 constexpr std::chrono::milliseconds kInterval{33};    ///< between two pictures
 constexpr std::chrono::milliseconds kLookAfter{100};  ///< whether the window was closed, while no result comes
 
@@ -32,7 +32,7 @@ Expected<std::unique_ptr<View>> View::open(const std::string& title, const Intri
   if (!window) return tl::make_unexpected(window.error());
   // It says one byte when the window is there.
   char byte = 0;
-  if (window->ready(kPatience) && window->receive(&byte, 1)) {
+  if (window->ready(kWindowPatience) && window->receive(&byte, 1)) {
     return std::unique_ptr<View>(new View(std::move(*window), intrinsics));
   }
   const char* display = std::getenv("DISPLAY");

@@ -22,7 +22,7 @@ namespace tubetrack::bench {
 
 namespace {
 
-constexpr double kStep_m = 0.001;
+constexpr double kVoxel_m = 0.001;
 constexpr double kPictured = 0.05, kHole_voxels = 1.5;
 
 /// Voxels as cubes.
@@ -74,14 +74,14 @@ LineError skeleton_error(const VoxelGrid& skeleton, const PartChain& truth) {
 PaperScan holed_tube(double part, double hole_voxels) {
   PaperScan row;
   row.name = part > 0.0 ? number(100.0 * part, 0) + " % of it holes" : "whole";
-  row.radius_m = 4.9 * kStep_m;
+  row.radius_m = 4.9 * kVoxel_m;
   row.truth.start_m = {0.01, 0.01, 0.01};
   row.truth.direction = Eigen::Vector3d(1.0, 0.3, 0.2).normalized();
   row.truth.towards = row.truth.direction.unitOrthogonal();
   row.truth.bends = {{14.0 * row.radius_m, 0.0, 1.7, 5.0 * row.radius_m},
                      {9.0 * row.radius_m, 0.6, 1.5, 5.0 * row.radius_m}};
   row.truth.closing_m = 14.0 * row.radius_m;
-  row.scan = voxels_of_tube(row.truth, {row.radius_m, kStep_m});
+  row.scan = voxels_of_tube(row.truth, {row.radius_m, kVoxel_m});
   row.goal_voxels = 0.3;
   VoxelGrid& grid = row.scan.voxels;
   std::vector<std::size_t> body;
@@ -117,7 +117,7 @@ std::string holed_tubes_text() {
     const double thinning_s = static_cast<double>(std::clock() - begin) / CLOCKS_PER_SEC;
     const Topology topology = topology_of(skeleton);
     const LineError thinning = skeleton_error(skeleton, scan.truth);
-    table.add({scan.name, "thinning", number(thinning.rms_m / kStep_m, 2), "–", number(thinning.max_m / kStep_m, 1),
+    table.add({scan.name, "thinning", number(thinning.rms_m / kVoxel_m, 2), "–", number(thinning.max_m / kVoxel_m, 1),
                std::to_string(topology.pieces), std::to_string(topology.ends), std::to_string(topology.loops),
                std::to_string(topology.cavities), "–", number(thinning_s, 2)});
     const std::clock_t ours_begin = std::clock();
@@ -127,8 +127,8 @@ std::string holed_tubes_text() {
     for (const Tube& tube : frame.tubes) found += tube.length_m / length_of(scan.truth);
     const LineError ours = frame.tubes.empty() ? LineError{std::nan(""), std::nan("")}
                                                : error_of(frame.tubes.front().centerline_m, scan.truth);
-    table.add({scan.name, "ours", at_most(ours.rms_m / kStep_m, scan.goal_voxels, 1.0, 3),
-               "≤ " + number(scan.goal_voxels, 1), number(ours.max_m / kStep_m, 2), std::to_string(frame.tubes.size()),
+    table.add({scan.name, "ours", at_most(ours.rms_m / kVoxel_m, scan.goal_voxels, 1.0, 3),
+               "≤ " + number(scan.goal_voxels, 1), number(ours.max_m / kVoxel_m, 2), std::to_string(frame.tubes.size()),
                std::to_string(2 * frame.tubes.size()), "0", "0", number(found, 3), number(ours_s, 2)});
   }
   return table.text();
@@ -140,7 +140,7 @@ Expected<void> write_holed_tube_picture(const std::filesystem::path& path) {
   panels[0] = cubes_of(scan.scan.voxels, {170, 170, 170});
   panels[1] = cubes_of(thinned(scan.scan.voxels), {200, 60, 50});
   for (Tube tube : found_tubes(scan.scan, surfels_of(scan.scan)).tubes) {
-    tube.radius_m = 0.6 * kStep_m;
+    tube.radius_m = 0.6 * kVoxel_m;
     tube.node_radius_m.clear();
     append(panels[2], surface_of(tube));
   }

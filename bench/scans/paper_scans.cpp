@@ -12,7 +12,7 @@ namespace tubetrack::bench {
 namespace {
 
 constexpr double kStep_m = 0.001;
-constexpr double kPi = std::numbers::pi;
+using std::numbers::pi;
 
 /// A tube that goes on in bends of 90° and less, alternately to either side and up and down, so that it nowhere meets
 /// itself, as long as asked for.
@@ -21,11 +21,11 @@ PartChain long_tube(double length_m, double radius_m, bool flat) {
   chain.start_m = {0.05, 0.05, 0.0};
   chain.direction = Eigen::Vector3d::UnitX();
   chain.towards = Eigen::Vector3d::UnitY();
-  const double straight_m = 12.0 * radius_m, bend_radius_m = 5.0 * radius_m, angle_rad = 0.4 * kPi;
+  const double straight_m = 12.0 * radius_m, bend_radius_m = 5.0 * radius_m, angle_rad = 0.4 * pi;
   // Around and back, and then on: + − − +, in planes that lie slightly askew at first; they would lead a long tube back
   // to itself.
   constexpr std::size_t kAskew = 16;
-  const double turns[] = {0.0, kPi, 0.0, kPi};
+  const double turns[] = {0.0, pi, 0.0, pi};
   double left_m = length_m;
   for (std::size_t i = 0; left_m > 2.0 * straight_m + bend_radius_m * angle_rad; ++i) {
     const double askew_rad = flat || i >= kAskew ? 0.0 : (i % 4 == 1 ? 0.3 : i % 4 == 3 ? -0.3 : 0.0);
@@ -60,7 +60,7 @@ PaperScan digital_object(double times) {
   row.name = "digital object";
   row.radius_m = 4.9 * kStep_m;
   // A digitised tube has 1.5 boundary faces for a voxel face of its surface.
-  row.truth = long_tube(times * 60'768.0 / (1.5 * 2.0 * kPi * 4.9) * kStep_m, row.radius_m, false);
+  row.truth = long_tube(times * 60'768.0 / (1.5 * 2.0 * pi * 4.9) * kStep_m, row.radius_m, false);
   row.scan = voxels_of_tube(row.truth, {row.radius_m, kStep_m});
   row.paper_faces = 60'768;
   row.paper_s = 6.91;
@@ -92,19 +92,19 @@ PaperScan height_map(double times) {
 
 std::vector<PaperScan> paper_scans(double times) {
   std::vector<PaperScan> rows;
-  rows.push_back(mesh("full mesh", times * 151'444, 2.0 * kPi, 0.0, 151'444, 6.23, 0.1));
-  rows.push_back(mesh("partial mesh", times * 37'527, 0.9 * kPi, 0.0, 37'527, 2.45, 0.2));
-  rows.push_back(mesh("reduced scanned area", times * 52'914, 0.8 * kPi, 0.0, 52'914, 4.36, 0.2));
+  rows.push_back(mesh("full mesh", times * 151'444, 2.0 * pi, 0.0, 151'444, 6.23, 0.1));
+  rows.push_back(mesh("partial mesh", times * 37'527, 0.9 * pi, 0.0, 37'527, 2.45, 0.2));
+  rows.push_back(mesh("reduced scanned area", times * 52'914, 0.8 * pi, 0.0, 52'914, 4.36, 0.2));
   rows.push_back(digital_object(times));
   rows.push_back(height_map(times));
-  rows.push_back(mesh("decomposition", times * 187'638, 2.0 * kPi, 0.0, 187'638, 12.17, 0.1));
+  rows.push_back(mesh("decomposition", times * 187'638, 2.0 * pi, 0.0, 187'638, 12.17, 0.1));
   return rows;
 }
 
 std::vector<PaperScan> robustness_scans(double times) {
   std::vector<PaperScan> rows;
-  rows.push_back(mesh("noise of 0.2 steps", times * 50'000, 2.0 * kPi, 0.2, 0, 0.0, 0.1));
-  rows.push_back(mesh("holes: three faces in ten", times * 50'000, 2.0 * kPi, 0.0, 0, 0.0, 0.1));
+  rows.push_back(mesh("noise of 0.2 steps", times * 50'000, 2.0 * pi, 0.2, 0, 0.0, 0.1));
+  rows.push_back(mesh("holes: three faces in ten", times * 50'000, 2.0 * pi, 0.0, 0, 0.0, 0.1));
   Scan& holes = rows.back().scan;
   std::vector<std::array<std::uint32_t, 3>> kept;
   // Holes of a hundred faces or so: by where the face lies along and around.
@@ -113,7 +113,7 @@ std::vector<PaperScan> robustness_scans(double times) {
     if (random() % 10 >= 3) kept.push_back(holes.faces[i]);
   }
   holes.faces = std::move(kept);
-  rows.push_back(mesh("sector of 130°", times * 50'000, 130.0 / 180.0 * kPi, 0.0, 0, 0.0, 0.2));
+  rows.push_back(mesh("sector of 130°", times * 50'000, 130.0 / 180.0 * pi, 0.0, 0, 0.0, 0.2));
   PaperScan coarse;
   coarse.name = "low resolution: radius of 2 steps";
   coarse.radius_m = 2.0 * kStep_m;
@@ -126,7 +126,7 @@ std::vector<PaperScan> robustness_scans(double times) {
 }
 
 PaperScan mesh_of_faces(std::size_t faces) {
-  return mesh("full mesh", static_cast<double>(faces), 2.0 * kPi, 0.0, 0, 0.0, 0.1);
+  return mesh("full mesh", static_cast<double>(faces), 2.0 * pi, 0.0, 0, 0.0, 0.1);
 }
 
 std::size_t faces_of(const Scan& scan, std::size_t surfels) {

@@ -108,8 +108,8 @@ PaperRow measure(const PaperScan& scan, bool with_transcription) {
 }
 
 PaperRow measure_alone(std::size_t faces) {
-  using Figures = std::array<double, 6>;
-  Figures figures{};
+  using Answer = std::array<double, 6>;
+  Answer figures{};
   std::array<int, 2> ends{};
   if (pipe(ends.data()) != 0) throw std::runtime_error("no pipe to a process of its own");
   const pid_t process = fork();
@@ -121,10 +121,10 @@ PaperRow measure_alone(std::size_t faces) {
                row.rms_voxels,
                row.found,
                row.peak_memory_mb};
-    _exit(write(ends[1], figures.data(), sizeof(Figures)) == sizeof(Figures) ? 0 : 1);
+    _exit(write(ends[1], figures.data(), sizeof(Answer)) == sizeof(Answer) ? 0 : 1);
   }
   close(ends[1]);
-  const bool whole = process > 0 && read(ends[0], figures.data(), sizeof(Figures)) == sizeof(Figures);
+  const bool whole = process > 0 && read(ends[0], figures.data(), sizeof(Answer)) == sizeof(Answer);
   close(ends[0]);
   if (process > 0) waitpid(process, nullptr, 0);
   if (!whole) throw std::runtime_error(fmt::format("the process that measures {} faces failed", faces));

@@ -12,7 +12,7 @@ namespace tubetrack::bench {
 
 namespace {
 
-constexpr double kPi = std::numbers::pi;
+using std::numbers::pi;
 
 PartChain random_chain(Dice& dice, int bends, double radius_m) {
   const double diameter_m = 2.0 * radius_m;
@@ -20,11 +20,11 @@ PartChain random_chain(Dice& dice, int bends, double radius_m) {
   chain.start_m = {dice.uniform(-0.1, 0.1), dice.uniform(-0.1, 0.1), dice.uniform(-0.1, 0.1)};
   chain.direction = dice.direction();
   chain.towards = chain.direction.unitOrthogonal();
-  chain.towards = Eigen::AngleAxisd(dice.uniform(-kPi, kPi), chain.direction) * chain.towards;
+  chain.towards = Eigen::AngleAxisd(dice.uniform(-pi, pi), chain.direction) * chain.towards;
   for (int i = 0; i < bends; ++i) {
     const double straight_m = diameter_m * dice.uniform(1.0, 6.0);
-    const double rotation_rad = i == 0 ? 0.0 : dice.uniform(-kPi, kPi);
-    const double angle_rad = kPi * dice.uniform(1.0 / 6.0, 1.0);
+    const double rotation_rad = i == 0 ? 0.0 : dice.uniform(-pi, pi);
+    const double angle_rad = pi * dice.uniform(1.0 / 6.0, 1.0);
     chain.bends.push_back({straight_m, rotation_rad, angle_rad, diameter_m * dice.uniform(1.5, 10.0)});
   }
   chain.closing_m = diameter_m * dice.uniform(1.0, 6.0);
@@ -37,7 +37,7 @@ bool comes_back_to_itself(const PartChain& chain, double radius_m) {
   const std::vector<Eigen::Vector3d> line_m = points_along(chain, step_m);
   const double near_m = 2.25 * radius_m;
   // Half a turn of the tightest bend, of radius 3 R, is this long; what is nearer along the tube cannot touch.
-  const auto beside = static_cast<std::size_t>(kPi * radius_m / step_m);
+  const auto beside = static_cast<std::size_t>(pi * radius_m / step_m);
   for (std::size_t i = 0; i < line_m.size(); ++i) {
     for (std::size_t k = i + beside; k < line_m.size(); ++k) {
       if ((line_m[i] - line_m[k]).squaredNorm() < near_m * near_m) return true;

@@ -169,9 +169,9 @@ Turned turn_outward(Scan& scan, const std::vector<std::vector<std::uint32_t>>& g
     std::vector<OrientedPoint> points;
     points.reserve(group.size());
     for (const std::uint32_t i : group) points.push_back({scan.points_m[i], scan.normals[i].cast<double>()});
-    const Side side = concentrated_side(points, spacing_m);
-    if (side == Side::undecided) turned.undecided += group.size();
-    if (side != Side::along_normals) continue;
+    const VoteSide side = concentrated_side(points, spacing_m);
+    if (side == VoteSide::undecided) turned.undecided += group.size();
+    if (side != VoteSide::along_normals) continue;
     turned.over += group.size();
     for (const std::uint32_t i : group) scan.normals[i] = -scan.normals[i];
   }

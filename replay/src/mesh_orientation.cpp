@@ -11,7 +11,7 @@ namespace tubetrack {
 
 namespace {
 
-using Face = std::array<std::uint32_t, 3>;
+using Corners = std::array<std::uint32_t, 3>;
 
 struct HalfEdge {
   std::uint64_t key;  ///< its two points, the lower first
@@ -29,7 +29,7 @@ struct Neighbours {
   std::vector<bool> has_loose_edge;        ///< an edge of one face, or of three and more
 };
 
-std::vector<HalfEdge> sorted_half_edges(const std::vector<Face>& faces) {
+std::vector<HalfEdge> sorted_half_edges(const std::vector<Corners>& faces) {
   std::vector<HalfEdge> edges;
   edges.reserve(3 * faces.size());
   for (std::size_t i = 0; i < faces.size(); ++i) {
@@ -43,7 +43,7 @@ std::vector<HalfEdge> sorted_half_edges(const std::vector<Face>& faces) {
   return edges;
 }
 
-Neighbours neighbours_of(const std::vector<Face>& faces) {
+Neighbours neighbours_of(const std::vector<Corners>& faces) {
   const auto edges = sorted_half_edges(faces);
   Neighbours result{std::vector<std::array<Neighbours::Link, 3>>(faces.size()), std::vector<bool>(faces.size(), false)};
   const auto link = [&](std::uint32_t face, std::uint32_t other, bool agrees) {
@@ -70,7 +70,7 @@ struct Piece {
   bool closed = true;
 };
 
-double area_of(const Scan& scan, const Face& face) {
+double area_of(const Scan& scan, const Corners& face) {
   const Eigen::Vector3d& a = scan.points_m[face[0]];
   return 0.5 * (scan.points_m[face[1]] - a).cross(scan.points_m[face[2]] - a).norm();
 }
@@ -112,7 +112,7 @@ std::vector<Piece> make_consistent(const Scan& scan, const Neighbours& neighbour
   return pieces;
 }
 
-void turn_over(Face& face) {
+void turn_over(Corners& face) {
   std::swap(face[1], face[2]);
 }
 
@@ -127,8 +127,8 @@ double signed_volume(const Scan& scan, const Piece& piece) {
   return volume;
 }
 
-Side inner_side(const Scan& scan, const Piece& piece, double spacing_m) {
-  if (piece.closed) return signed_volume(scan, piece) > 0.0 ? Side::against_normals : Side::along_normals;
+VoteSide inner_side(const Scan& scan, const Piece& piece, double spacing_m) {
+  if (piece.closed) return signed_volume(scan, piece) > 0.0 ? VoteSide::against_normals : VoteSide::along_normals;
   std::vector<OrientedPoint> points;
   points.reserve(piece.faces.size());
   for (const std::uint32_t face : piece.faces) {
@@ -150,19 +150,19 @@ void orient_mesh(Scan& scan, double spacing_m) {
   }
   const auto disagreeing = std::accumulate(turned.begin(), turned.end(), std::size_t{0});
   // Pieces that cannot be told, such as flat ones, go with those that can.
-  std::vector<Side> sides;
+  std::vector<VoteSide> sides;
   double outward_faces = 0.0;
   std::size_t undecided = 0;
   for (const Piece& piece : pieces) {
     sides.push_back(inner_side(scan, piece, spacing_m));
     const auto count = static_cast<double>(piece.faces.size());
-    if (sides.back() == Side::undecided) undecided += piece.faces.size();
-    if (sides.back() == Side::against_normals) outward_faces += count;
-    if (sides.back() == Side::along_normals) outward_faces -= count;
+    if (sides.back() == VoteSide::undecided) undecided += piece.faces.size();
+    if (sides.back() == VoteSide::against_normals) outward_faces += count;
+    if (sides.back() == VoteSide::along_normals) outward_faces -= count;
   }
   std::size_t inverted = 0;
   for (std::size_t i = 0; i < pieces.size(); ++i) {
-    const bool inward = sides[i] == Side::along_normals || (sides[i] == Side::undecided && outward_faces < 0.0);
+    const bool inward = sides[i] == VoteSide::along_normals || (sides[i] == VoteSide::undecided && outward_faces < 0.0);
     if (!inward) continue;
     for (const std::uint32_t face : pieces[i].faces) turn_over(scan.faces[face]);
     inverted += pieces[i].faces.size();

@@ -4,10 +4,8 @@
 
 namespace tubetrack {
 
-namespace {
-
 /// What nanoflann asks of a set of points.
-struct PointSet {
+struct PointTree::PointSet {
   std::span<const Eigen::Vector3d> points;
 
   std::size_t kdtree_get_point_count() const { return points.size(); }
@@ -20,12 +18,10 @@ struct PointSet {
   }
 };
 
-using Index = nanoflann::KDTreeSingleIndexAdaptor<nanoflann::L2_Simple_Adaptor<double, PointSet, double, std::uint32_t>,
-                                                  PointSet, 3, std::uint32_t>;
-
-}  // namespace
-
 struct PointTree::Tree {
+  using Distance = nanoflann::L2_Simple_Adaptor<double, PointSet, double, std::uint32_t>;
+  using Index = nanoflann::KDTreeSingleIndexAdaptor<Distance, PointSet, 3, std::uint32_t>;
+
   explicit Tree(std::span<const Eigen::Vector3d> all) : points{all}, index(3, points) {}
   PointSet points;
   Index index;

@@ -32,6 +32,7 @@ class PointTree {
   void within(const Eigen::Vector3d& point, double radius, std::vector<Neighbour>& result) const;
 
  private:
+  struct PointSet;
   struct Tree;
   std::unique_ptr<Tree> tree_;
 };

@@ -11,7 +11,7 @@ namespace tubetrack {
 namespace {
 
 /// The "Key = value" lines of a MetaImage header; ElementDataFile is the last one, and data may follow it.
-struct Header {
+struct MhdHeader {
   std::map<std::string, std::string, std::less<>> values;
   std::uint64_t end = 0;  ///< the byte behind the header
 
@@ -35,10 +35,10 @@ std::string trimmed(std::string_view text) {
   return std::string(text.substr(begin, text.find_last_not_of(blanks) - begin + 1));
 }
 
-Header read_header(const std::filesystem::path& path) {
+MhdHeader read_mhd_header(const std::filesystem::path& path) {
   const std::string start = read_header_text(path);
   TextCursor text(start);
-  Header header;
+  MhdHeader header;
   std::string_view line;
   while (text.next_line(line)) {
     const std::size_t equals = line.find('=');
@@ -56,7 +56,7 @@ Header read_header(const std::filesystem::path& path) {
 }
 
 template <class T>
-std::optional<std::vector<T>> numbers(const Header& header, std::initializer_list<std::string_view> names,
+std::optional<std::vector<T>> numbers(const MhdHeader& header, std::initializer_list<std::string_view> names,
                                       std::size_t count) {
   const std::string text = header.value(names);
   if (text.empty()) return std::nullopt;
@@ -77,7 +77,7 @@ std::optional<std::vector<T>> numbers(const Header& header, std::initializer_lis
   return values;
 }
 
-NumberType element_type(const Header& header) {
+NumberType element_type(const MhdHeader& header) {
   using enum NumberType;
   constexpr std::array<std::pair<std::string_view, NumberType>, 12> known = {{{"MET_CHAR", int8},
                                                                               {"MET_UCHAR", uint8},
@@ -101,7 +101,7 @@ NumberType element_type(const Header& header) {
                   in_quotes(name))};
 }
 
-void refuse_what_is_not_read(const Header& header) {
+void refuse_what_is_not_read(const MhdHeader& header) {
   const std::string dimensions = header.value({"NDims"});
   if (dimensions != "3") throw ScanRefusal{fmt::format("NDims: got {}, takes 3", in_quotes(dimensions))};
   const std::string channels = header.value({"ElementNumberOfChannels"});
@@ -118,7 +118,7 @@ void refuse_what_is_not_read(const Header& header) {
 }
 
 /// Where a voxel is: MetaImage keeps the direction of each axis in a row of TransformMatrix.
-void place_grid(const Header& header, VoxelGrid& grid) {
+void place_grid(const MhdHeader& header, VoxelGrid& grid) {
   const auto spacing = numbers<double>(header, {"ElementSpacing", "ElementSize"}, 3);
   const auto offset = numbers<double>(header, {"Offset", "Position", "Origin"}, 3);
   const auto directions = numbers<double>(header, {"TransformMatrix", "Rotation", "Orientation"}, 9);
@@ -138,7 +138,7 @@ void place_grid(const Header& header, VoxelGrid& grid) {
 }  // namespace
 
 RawVolume read_mhd(const std::filesystem::path& path, const ScanOptions& options) {
-  const Header header = read_header(path);
+  const MhdHeader header = read_mhd_header(path);
   refuse_what_is_not_read(header);
   const auto sizes = numbers<long long>(header, {"DimSize"}, 3);
   if (!sizes) throw ScanRefusal{"DimSize: is missing; add the three sizes in voxels"};

@@ -11,12 +11,12 @@ namespace tubetrack {
 
 namespace {
 
-constexpr std::size_t kHeader_bytes = 348;
+constexpr std::size_t kNiftiHeader_bytes = 348;
 
 /// Fields of a NIfTI-1 header, by their place in it.
-class Header {
+class NiftiHeader {
  public:
-  Header(const std::array<char, kHeader_bytes>& bytes, bool swapped) : bytes_(bytes), swapped_(swapped) {}
+  NiftiHeader(const std::array<char, kNiftiHeader_bytes>& bytes, bool swapped) : bytes_(bytes), swapped_(swapped) {}
 
   double float_at(std::size_t place) const { return load_number(bytes_.data() + place, NumberType::float32, swapped_); }
   int short_at(std::size_t place) const {
@@ -26,7 +26,7 @@ class Header {
   bool swapped() const { return swapped_; }
 
  private:
-  std::array<char, kHeader_bytes> bytes_;
+  std::array<char, kNiftiHeader_bytes> bytes_;
   bool swapped_;
 };
 
@@ -34,8 +34,8 @@ constexpr std::size_t kDim = 40, kDatatype = 70, kPixdim = 76, kVoxOffset = 108,
                       kUnits = 123, kQformCode = 252, kSformCode = 254, kQuaternion = 256, kQoffset = 268, kSrow = 280,
                       kMagic = 344;
 
-Header read_header(ByteStream& stream) {
-  std::array<char, kHeader_bytes> bytes{};
+NiftiHeader read_nifti_header(ByteStream& stream) {
+  std::array<char, kNiftiHeader_bytes> bytes{};
   if (stream.read(bytes.data(), bytes.size()) != bytes.size())
     throw ScanRefusal{"ends in its header of 348 bytes; it was cut off: copy or export it again"};
   const double size = load_number(bytes.data(), NumberType::int32, false);
@@ -49,7 +49,7 @@ Header read_header(ByteStream& stream) {
   return {bytes, size != 348.0};
 }
 
-std::array<long long, 3> size_of_volume(const Header& header) {
+std::array<long long, 3> size_of_volume(const NiftiHeader& header) {
   const int dimensions = header.short_at(kDim);
   std::array<long long, 3> size{1, 1, 1};
   if (dimensions < 1 || dimensions > 7)
@@ -63,7 +63,7 @@ std::array<long long, 3> size_of_volume(const Header& header) {
   return size;
 }
 
-NumberType voxel_type(const Header& header) {
+NumberType voxel_type(const NiftiHeader& header) {
   using enum NumberType;
   constexpr std::array<std::pair<int, NumberType>, 10> known = {{{2, uint8},
                                                                  {4, int16},
@@ -86,7 +86,7 @@ NumberType voxel_type(const Header& header) {
 }
 
 /// The header's second way to say where voxels are: a quaternion, spacings and an offset.
-void place_by_quaternion(const Header& header, VoxelGrid& grid) {
+void place_by_quaternion(const NiftiHeader& header, VoxelGrid& grid) {
   const double b = header.float_at(kQuaternion), c = header.float_at(kQuaternion + 4),
                d = header.float_at(kQuaternion + 8);
   const double a = std::sqrt(std::max(0.0, 1.0 - b * b - c * c - d * d));
@@ -99,7 +99,7 @@ void place_by_quaternion(const Header& header, VoxelGrid& grid) {
   }
 }
 
-void place_grid(const Header& header, const ScanOptions& options, RawVolume& volume) {
+void place_grid(const NiftiHeader& header, const ScanOptions& options, RawVolume& volume) {
   VoxelGrid& grid = volume.grid;
   if (header.short_at(kSformCode) > 0) {
     for (int row = 0; row < 3; ++row) {
@@ -130,7 +130,7 @@ RawVolume read_nifti(const std::filesystem::path& path, const ScanOptions& optio
   ByteStream(path, 0, false).read(start.data(), start.size());
   const bool compressed = start[0] == '\x1f' && start[1] == '\x8b';
   ByteStream stream(path, 0, compressed);
-  const Header header = read_header(stream);
+  const NiftiHeader header = read_nifti_header(stream);
   const std::array<long long, 3> size = size_of_volume(header);
   VoxelEncoding encoding{voxel_type(header), header.swapped(), header.float_at(kSlope), header.float_at(kIntercept)};
   if (encoding.slope == 0.0 || !std::isfinite(encoding.slope) || !std::isfinite(encoding.intercept)) {
@@ -139,7 +139,7 @@ RawVolume read_nifti(const std::filesystem::path& path, const ScanOptions& optio
   }
   const double begin = header.float_at(kVoxOffset);
   constexpr double kMaxOffset_bytes = 1e9;
-  if (!(begin >= static_cast<double>(kHeader_bytes) && begin <= kMaxOffset_bytes))
+  if (!(begin >= static_cast<double>(kNiftiHeader_bytes) && begin <= kMaxOffset_bytes))
     throw ScanRefusal{fmt::format("vox_offset: got {:g}, takes 348 or more; the header is damaged", begin)};
   RawVolume volume;
   place_grid(header, options, volume);
@@ -148,7 +148,7 @@ RawVolume read_nifti(const std::filesystem::path& path, const ScanOptions& optio
     throw ScanRefusal{"ends before its voxels; it was cut off: copy or export it again"};
   require_volume_fits(size, encoding, data_bytes, options);
   std::array<char, 4096> skipped{};
-  for (auto left = static_cast<std::size_t>(begin) - kHeader_bytes; left > 0;) {
+  for (auto left = static_cast<std::size_t>(begin) - kNiftiHeader_bytes; left > 0;) {
     const std::size_t got = stream.read(skipped.data(), std::min(left, skipped.size()));
     if (got == 0) throw ScanRefusal{"ends before its voxels; it was cut off: copy or export it again"};
     left -= got;

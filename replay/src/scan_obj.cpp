@@ -24,7 +24,7 @@ long long corner_of(std::string_view word, std::size_t point_count, int line) {
 }
 
 /// A face's corners are [first_corner, that of the next face).
-struct Face {
+struct ObjFace {
   std::size_t first_corner = 0;
   int line = 0;
 };
@@ -36,7 +36,7 @@ RawSurface read_obj(std::string_view bytes) {
   RawSurface surface;
   std::vector<Eigen::Vector3f> normals;
   std::vector<long long> corners;
-  std::vector<Face> faces;
+  std::vector<ObjFace> faces;
   std::string_view line;
   while (text.next_content(line, '#')) {
     const std::string_view keyword = next_word(line);

@@ -13,7 +13,7 @@ struct Counts {
 };
 
 /// The keyword (OFF, COFF, NOFF, CNOFF …) and the counts, which may stand on its line or on the next.
-Counts read_header(TextCursor& text) {
+Counts read_counts(TextCursor& text) {
   std::string_view line;
   if (!text.next_content(line, '#')) throw ScanRefusal{"has no line of content; copy or export it again"};
   std::string_view rest = line;
@@ -55,7 +55,7 @@ std::string_view content_line(TextCursor& text, std::string_view what, long long
 
 RawSurface read_off(std::string_view bytes) {
   TextCursor text(bytes);
-  const Counts counts = read_header(text);
+  const Counts counts = read_counts(text);
   RawSurface surface;
   surface.points.reserve(static_cast<std::size_t>(counts.points));
   surface.faces.reserve(static_cast<std::size_t>(counts.faces));

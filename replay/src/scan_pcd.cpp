@@ -20,7 +20,7 @@ struct Field {
   std::size_t offset = 0;  ///< in a point's record
 };
 
-struct Header {
+struct PcdHeader {
   std::vector<Field> fields;
   std::size_t record_bytes = 0;
   long long width = 0;
@@ -54,7 +54,7 @@ struct Columns {
   std::vector<long long> sizes, counts;
 };
 
-void put_fields_together(Header& header, const Columns& columns) {
+void put_fields_together(PcdHeader& header, const Columns& columns) {
   const std::size_t n = columns.names.size();
   if (n == 0 || columns.sizes.size() != n || columns.types.size() != n ||
       (!columns.counts.empty() && columns.counts.size() != n)) {
@@ -74,7 +74,7 @@ void put_fields_together(Header& header, const Columns& columns) {
   }
 }
 
-void take_line(Header& header, Columns& columns, std::string_view keyword, std::string_view rest, int line) {
+void take_line(PcdHeader& header, Columns& columns, std::string_view keyword, std::string_view rest, int line) {
   const auto integers = [&](std::vector<long long>& to) {
     while (rest.find_first_not_of(" \t\r") != std::string_view::npos) to.push_back(take_integer(rest, keyword, line));
   };
@@ -95,8 +95,8 @@ void take_line(Header& header, Columns& columns, std::string_view keyword, std::
   }
 }
 
-Header read_header(TextCursor& text) {
-  Header header;
+PcdHeader read_pcd_header(TextCursor& text) {
+  PcdHeader header;
   Columns columns;
   std::string_view line;
   while (header.data.empty() && text.next_content(line, '#')) {
@@ -121,7 +121,7 @@ Header read_header(TextCursor& text) {
 }
 
 /// Where x, y, z and, if all are there, the normal's components are; empty where there are no normals.
-std::vector<const Field*> wanted_fields(const Header& header) {
+std::vector<const Field*> wanted_fields(const PcdHeader& header) {
   constexpr std::array<std::string_view, 6> names = {"x", "y", "z", "normal_x", "normal_y", "normal_z"};
   std::vector<const Field*> found;
   for (const std::string_view name : names) {
@@ -142,7 +142,7 @@ void add_point(RawSurface& surface, const std::array<double, 6>& values, bool ha
   if (has_normal) surface.normals.push_back(Eigen::Vector3d(values[3], values[4], values[5]).cast<float>());
 }
 
-void read_ascii(TextCursor& text, const Header& header, RawSurface& surface) {
+void read_ascii(TextCursor& text, const PcdHeader& header, RawSurface& surface) {
   const auto wanted = wanted_fields(header);
   double words_a_line = 0.0;
   for (const Field& field : header.fields) words_a_line += static_cast<double>(field.count);
@@ -166,7 +166,7 @@ void read_ascii(TextCursor& text, const Header& header, RawSurface& surface) {
 }
 
 /// `compressed`: first all values of the first field, then all of the second …; else point after point.
-void read_records(std::string_view bytes, const Header& header, bool compressed, RawSurface& surface) {
+void read_records(std::string_view bytes, const PcdHeader& header, bool compressed, RawSurface& surface) {
   const auto wanted = wanted_fields(header);
   const auto count = static_cast<std::size_t>(header.points);
   surface.points.reserve(count);
@@ -208,7 +208,7 @@ std::string decompressed(std::string_view bytes, double expected_bytes) {
 
 RawSurface read_pcd(std::string_view bytes) {
   TextCursor text(bytes);
-  const Header header = read_header(text);
+  const PcdHeader header = read_pcd_header(text);
   const double total_bytes = static_cast<double>(header.points) * static_cast<double>(header.record_bytes);
   RawSurface surface;
   if (header.data == "ascii") {

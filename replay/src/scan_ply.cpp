@@ -27,7 +27,7 @@ struct Element {
 
 enum class Encoding { ascii, little_endian, big_endian };
 
-struct Header {
+struct PlyHeader {
   Encoding encoding = Encoding::ascii;
   std::vector<Element> elements;
 };
@@ -83,11 +83,11 @@ Property property_of(std::string_view line, int number) {
 }
 
 /// Leaves `text` at the first line or byte of data.
-Header read_header(TextCursor& text) {
+PlyHeader read_ply_header(TextCursor& text) {
   std::string_view line;
   if (!text.next_line(line) || next_word(line) != "ply")
     throw ScanRefusal{"line 1: takes \"ply\"; this is no PLY file: check its name"};
-  Header header;
+  PlyHeader header;
   bool has_format = false;
   while (text.next_line(line)) {
     const std::string_view keyword = next_word(line);
@@ -232,7 +232,7 @@ Faces read_faces(const Element& element, Numbers& numbers) {
 
 RawSurface read_ply(std::string_view bytes) {
   TextCursor text(bytes);
-  const Header header = read_header(text);
+  const PlyHeader header = read_ply_header(text);
   Numbers numbers(text, header.encoding);
   RawSurface surface;
   Faces faces;

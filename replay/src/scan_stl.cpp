@@ -10,20 +10,20 @@ namespace tubetrack {
 
 namespace {
 
-constexpr std::size_t kHeader_bytes = 84;  // 80 of text and the number of faces
+constexpr std::size_t kStlHeader_bytes = 84;  // 80 of text and the number of faces
 constexpr std::size_t kFace_bytes = 50;
 
 RawSurface read_binary(std::string_view bytes) {
   constexpr bool swapped = std::endian::native == std::endian::big;
   const double count = load_number(bytes.data() + 80, NumberType::uint32, swapped);
-  require_room("faces", count, kFace_bytes, static_cast<double>(bytes.size() - kHeader_bytes));
+  require_room("faces", count, kFace_bytes, static_cast<double>(bytes.size() - kStlHeader_bytes));
   const auto face_count = static_cast<std::size_t>(count);
   RawSurface surface;
   surface.points.reserve(3 * face_count);
   surface.faces.reserve(face_count);
   for (std::size_t i = 0; i < face_count; ++i) {
     // The face's normal comes first; it says what the order of the corners says, or is zero.
-    const char* corner = bytes.data() + kHeader_bytes + i * kFace_bytes + 12;
+    const char* corner = bytes.data() + kStlHeader_bytes + i * kFace_bytes + 12;
     for (int k = 0; k < 3; ++k) {
       Eigen::Vector3d point;
       for (double& coordinate : point) {
@@ -81,18 +81,18 @@ RawSurface read_stl(std::string_view bytes) {
   // Binary files may begin with "solid" too, so their size is asked first.
   const auto binary_size = [&] {
     const double count = load_number(bytes.data() + 80, NumberType::uint32, std::endian::native == std::endian::big);
-    return kHeader_bytes + static_cast<std::size_t>(count) * kFace_bytes;
+    return kStlHeader_bytes + static_cast<std::size_t>(count) * kFace_bytes;
   };
-  if (bytes.size() >= kHeader_bytes && bytes.size() == binary_size()) return read_binary(bytes);
+  if (bytes.size() >= kStlHeader_bytes && bytes.size() == binary_size()) return read_binary(bytes);
   if (bytes.starts_with("solid") && bytes.find("facet") != std::string_view::npos) return read_ascii(bytes);
   // No text has a zero byte: a cut-off or padded binary file that begins with "solid".
   const bool text = bytes.substr(0, 1000).find('\0') == std::string_view::npos;
   if (bytes.starts_with("solid") && text) return read_ascii(bytes);
-  if (bytes.size() < kHeader_bytes) {
+  if (bytes.size() < kStlHeader_bytes) {
     throw ScanRefusal{
         fmt::format("has {} bytes, takes at least {}, or text that begins with \"solid\"; it was cut off "
                     "or is no STL file",
-                    bytes.size(), kHeader_bytes)};
+                    bytes.size(), kStlHeader_bytes)};
   }
   return read_binary(bytes);
 }

@@ -6,19 +6,19 @@ namespace tubetrack {
 
 namespace {
 
-struct Header {
+struct VolHeader {
   std::array<long long, 3> size{};
   long long version = 2;
   std::uint64_t data_begin = 0;
 };
 
 /// "Key: value" lines up to a line with a single dot. DGtal's header has a dozen of them.
-Header read_header(const std::filesystem::path& path) {
+VolHeader read_vol_header(const std::filesystem::path& path) {
   constexpr int kMaxLines = 200;
   const std::string start = read_header_text(path);
   TextCursor text(start);
   std::string_view line;
-  Header header;
+  VolHeader header;
   while (text.next_line(line) && text.line() <= kMaxLines) {
     if (line == ".") {
       header.data_begin = start.size() - text.rest().size();
@@ -49,7 +49,7 @@ Header read_header(const std::filesystem::path& path) {
 }  // namespace
 
 RawVolume read_vol(const std::filesystem::path& path, const ScanOptions& options) {
-  const Header header = read_header(path);
+  const VolHeader header = read_vol_header(path);
   if (header.version != 1 && header.version != 2 && header.version != 3)
     throw ScanRefusal{fmt::format("Version: got {}, takes 1, 2 or 3; export it again", header.version)};
   const bool compressed = header.version == 3;

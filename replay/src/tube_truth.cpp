@@ -10,14 +10,14 @@ namespace tubetrack {
 
 namespace {
 
-using Json = nlohmann::ordered_json;
+using OrderedJson = nlohmann::ordered_json;
 
-TrueTube parse_tube(const Json& json) {
+TrueTube parse_tube(const OrderedJson& json) {
   TrueTube tube;
   tube.id = json.at("id").get<std::int64_t>();
   tube.radius_m = json.at("radius_m").get<double>();
   tube.length_m = json.at("length_m").get<double>();
-  for (const Json& point : json.at("centerline_m")) {
+  for (const OrderedJson& point : json.at("centerline_m")) {
     const auto xyz = point.get<std::array<double, 3>>();
     if (point.size() != 3) throw std::invalid_argument("centerline_m: a point takes 3 numbers");
     tube.centerline_m.emplace_back(xyz[0], xyz[1], xyz[2]);
@@ -28,7 +28,7 @@ TrueTube parse_tube(const Json& json) {
                                             tube.node_radius_m.size(), tube.centerline_m.size()));
   }
   // Recordings made before bends were written have none.
-  for (const Json& bend : json.value("bends", Json::array())) {
+  for (const OrderedJson& bend : json.value("bends", OrderedJson::array())) {
     tube.bends.push_back({bend.at("bend_radius_m"), bend.at("angle_rad"), bend.at("rotation_rad")});
   }
   tube.visible = json.at("visible").get<std::vector<bool>>();
@@ -40,12 +40,12 @@ TrueTube parse_tube(const Json& json) {
 }
 
 TruthFrame parse_frame(const std::string& line) {
-  const Json json = Json::parse(line);
+  const OrderedJson json = OrderedJson::parse(line);
   TruthFrame frame;
   frame.frame = json.at("frame").get<std::int64_t>();
   frame.timestamp_s = json.at("timestamp_s").get<double>();
   frame.frame_id = json.at("frame_id").get<std::string>();
-  for (const Json& tube : json.at("tubes")) frame.tubes.push_back(parse_tube(tube));
+  for (const OrderedJson& tube : json.at("tubes")) frame.tubes.push_back(parse_tube(tube));
   return frame;
 }
 
@@ -70,19 +70,19 @@ Expected<std::vector<TruthFrame>> read_truth(const std::filesystem::path& path) 
 
 std::string truth_json(const TruthFrame& truth) {
   const auto micrometres = [](double metres) { return std::round(metres * 1e6) / 1e6; };
-  Json json{{"frame", truth.frame}, {"timestamp_s", truth.timestamp_s}, {"frame_id", truth.frame_id}};
-  json["tubes"] = Json::array();
+  OrderedJson json{{"frame", truth.frame}, {"timestamp_s", truth.timestamp_s}, {"frame_id", truth.frame_id}};
+  json["tubes"] = OrderedJson::array();
   for (const TrueTube& tube : truth.tubes) {
-    Json points = Json::array();
+    OrderedJson points = OrderedJson::array();
     for (const Eigen::Vector3d& p : tube.centerline_m) {
       points.push_back({micrometres(p.x()), micrometres(p.y()), micrometres(p.z())});
     }
-    Json bends = Json::array();
+    OrderedJson bends = OrderedJson::array();
     for (const TrueBend& bend : tube.bends) {
       bends.push_back(
           {{"bend_radius_m", bend.bend_radius_m}, {"angle_rad", bend.angle_rad}, {"rotation_rad", bend.rotation_rad}});
     }
-    Json radii = Json::array();
+    OrderedJson radii = OrderedJson::array();
     for (const double radius_m : tube.node_radius_m) radii.push_back(micrometres(radius_m));
     json["tubes"].push_back({{"id", tube.id},
                              {"radius_m", tube.radius_m},

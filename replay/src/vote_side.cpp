@@ -46,19 +46,19 @@ double meetings(std::span<const OrientedPoint> points, std::size_t stride, doubl
 
 }  // namespace
 
-Side concentrated_side(std::span<const OrientedPoint> points, double spacing_m) {
-  if (points.size() < kFewestPoints || !(spacing_m > 0.0)) return Side::undecided;
+VoteSide concentrated_side(std::span<const OrientedPoint> points, double spacing_m) {
+  if (points.size() < kFewestPoints || !(spacing_m > 0.0)) return VoteSide::undecided;
   // A part of the points is enough, with cells as much larger as those that are left lie farther apart.
   const std::size_t stride = (points.size() + kMostPoints - 1) / kMostPoints;
   const double cell_m = 2.0 * spacing_m * std::sqrt(static_cast<double>(stride));
   Eigen::AlignedBox3d box;
   for (const OrientedPoint& point : points) box.extend(point.position_m);
-  if (box.diagonal().norm() < kSmallest_cells * cell_m) return Side::undecided;
+  if (box.diagonal().norm() < kSmallest_cells * cell_m) return VoteSide::undecided;
   const double along = meetings(points, stride, cell_m, 1.0);
   const double against = meetings(points, stride, cell_m, -1.0);
   const double excess = (along - against) / (along + against);
-  if (std::abs(excess) < kLeastExcess) return Side::undecided;
-  return excess > 0.0 ? Side::along_normals : Side::against_normals;
+  if (std::abs(excess) < kLeastExcess) return VoteSide::undecided;
+  return excess > 0.0 ? VoteSide::along_normals : VoteSide::against_normals;
 }
 
 }  // namespace tubetrack

@@ -6,6 +6,8 @@
 #include <fstream>
 #include <nlohmann/json.hpp>
 
+#include "rounded.hpp"
+
 namespace tubetrack {
 
 namespace {
@@ -36,14 +38,6 @@ Enum value_of(const std::pair<Enum, std::string_view> (&names)[n], const std::st
     if (name == text) return value;
   }
   throw std::runtime_error(fmt::format("\"{}\": \"{}\" is not known", key, text));
-}
-
-/// To `step`, without −0: lines stay short, and equal results give equal bytes.
-double rounded(double value, double per_unit) {
-  return std::round(value * per_unit) / per_unit + 0.0;
-}
-double micro(double value) {
-  return rounded(value, 1e6);
 }
 
 double three_digits(double value) {

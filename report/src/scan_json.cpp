@@ -6,6 +6,7 @@
 #include <stdexcept>
 #include <utility>
 
+#include "rounded.hpp"
 #include "tubetrack/report/result_json.hpp"
 
 namespace tubetrack {
@@ -13,11 +14,6 @@ namespace tubetrack {
 namespace {
 
 using Json = nlohmann::ordered_json;
-
-/// To a micrometre, without −0, as result_line does.
-double micro(double value) {
-  return std::round(value * 1e6) / 1e6 + 0.0;
-}
 
 Json joint_json(const TubeJoint& joint) {
   const Eigen::Vector3d& p = joint.position_m;

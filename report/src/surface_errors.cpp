@@ -14,13 +14,13 @@ namespace {
 constexpr double kFarthestRadii = 1.5;
 
 /// A piece of a centreline.
-struct Piece {
+struct LinePiece {
   Eigen::Vector3d from_m, along_m;
   double radius_m;
 };
 
-std::vector<Piece> pieces_of(std::span<const Tube> tubes) {
-  std::vector<Piece> pieces;
+std::vector<LinePiece> pieces_of(std::span<const Tube> tubes) {
+  std::vector<LinePiece> pieces;
   for (const Tube& tube : tubes) {
     constexpr int kPieces = 4;
     const std::vector<Eigen::Vector3d> line = smooth_centerline(tube, kPieces);
@@ -36,8 +36,8 @@ std::vector<Piece> pieces_of(std::span<const Tube> tubes) {
 /// Pieces by the cells of a coarse grid that they reach, so that a point is compared with few.
 class PieceGrid {
  public:
-  explicit PieceGrid(std::vector<Piece> pieces) : pieces_(std::move(pieces)) {
-    for (const Piece& piece : pieces_) cell_m_ = std::max(cell_m_, kFarthestRadii * piece.radius_m);
+  explicit PieceGrid(std::vector<LinePiece> pieces) : pieces_(std::move(pieces)) {
+    for (const LinePiece& piece : pieces_) cell_m_ = std::max(cell_m_, kFarthestRadii * piece.radius_m);
     if (!(cell_m_ > 0.0)) return;
     for (std::size_t i = 0; i < pieces_.size(); ++i) {
       Eigen::AlignedBox3d box(pieces_[i].from_m);
@@ -61,7 +61,7 @@ class PieceGrid {
     const auto cell = near_.find(packed_cell(point_m, cell_m_));
     if (cell == near_.end()) return least;
     for (const std::size_t i : cell->second) {
-      const Piece& piece = pieces_[i];
+      const LinePiece& piece = pieces_[i];
       const double squared = piece.along_m.squaredNorm();
       const double share = squared > 0.0 ? (point_m - piece.from_m).dot(piece.along_m) / squared : 0.0;
       const double axis_m = (piece.from_m + std::clamp(share, 0.0, 1.0) * piece.along_m - point_m).norm();
@@ -73,7 +73,7 @@ class PieceGrid {
   }
 
  private:
-  std::vector<Piece> pieces_;
+  std::vector<LinePiece> pieces_;
   double cell_m_ = 0.0;
   std::unordered_map<std::uint64_t, std::vector<std::size_t>> near_;
 };

@@ -9,10 +9,6 @@ namespace tubetrack {
 
 namespace {
 
-tl::unexpected<Error> failed(std::string text) {
-  return tl::make_unexpected(Error::failed(std::move(text)));
-}
-
 /// A format that can carry depth; the first in the list that a camera has is taken.
 struct DepthFormat {
   const char* name;

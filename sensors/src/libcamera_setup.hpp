@@ -16,6 +16,10 @@
 
 namespace tubetrack {
 
+inline tl::unexpected<Error> failed(std::string text) {
+  return tl::make_unexpected(Error::failed(std::move(text)));
+}
+
 /// One manager a process: a second one aborts inside libcamera.
 class LibcameraManager {
  public:

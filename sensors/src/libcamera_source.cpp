@@ -21,10 +21,6 @@ namespace {
 using std::chrono::milliseconds;
 using std::chrono::steady_clock;
 
-tl::unexpected<Error> failed(std::string text) {
-  return tl::make_unexpected(Error::failed(std::move(text)));
-}
-
 class LibcameraSource final : public FrameSource {
  public:
   explicit LibcameraSource(std::unique_ptr<LibcameraManager> manager) : manager_(std::move(manager)) {}

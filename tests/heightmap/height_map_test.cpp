@@ -11,12 +11,12 @@
 namespace tubetrack {
 namespace {
 
-const Intrinsics kCamera{16, 12, 20.0, 20.0, 7.5, 5.5, {}};
+const Intrinsics kTinyCamera{16, 12, 20.0, 20.0, 7.5, 5.5, {}};
 constexpr double kUnit = 0.0001;  // metres
 
 /// A camera that sees the same reading in every pixel.
 struct Even {
-  HeightMap map = make_height_map(kCamera);
+  HeightMap map = make_height_map(kTinyCamera);
   NoiseModel noise;
   HeightMapLimits limits;
 
@@ -191,7 +191,7 @@ TEST(HeightMap, OnlyTheRegionOfInterestIsTaken) {
 }
 
 TEST(HeightMap, ThePointOfACellIsOnItsPixelsRay) {
-  HeightMap map = make_height_map(kCamera);
+  HeightMap map = make_height_map(kTinyCamera);
   // Rows of 20 pixels of which 16 are the image.
   std::vector<std::uint16_t> pixels(20 * 12, 0);
   for (int v = 0; v < 12; ++v) {
@@ -203,14 +203,14 @@ TEST(HeightMap, ThePointOfACellIsOnItsPixelsRay) {
     for (int u = 0; u < 16; ++u) {
       const Eigen::Vector3d point = map.point(map.cell(u, v));
       EXPECT_NEAR(point.z(), kUnit * (8000 + 16 * v + u), 1e-6);
-      EXPECT_LT((project(kCamera, point) - Eigen::Vector2d(u, v)).norm(), 1e-4);
+      EXPECT_LT((project(kTinyCamera, point) - Eigen::Vector2d(u, v)).norm(), 1e-4);
     }
   }
 }
 
 /// One tile of 192 cells at 0.8 m, of which some read otherwise.
 struct OneTile {
-  HeightMap map = make_height_map(kCamera);
+  HeightMap map = make_height_map(kTinyCamera);
   std::vector<std::uint16_t> pixels = std::vector<std::uint16_t>(16 * 12, 8000);
 
   void see(int frames = 1) {
@@ -276,7 +276,7 @@ struct Cell {
 };
 
 TEST(HeightMap, OverRandomReadingsEveryCellFollowsTheRules) {
-  HeightMap map = make_height_map(kCamera);
+  HeightMap map = make_height_map(kTinyCamera);
   const NoiseModel noise;
   std::vector<Cell> cells(map.rays.size());
   std::mt19937_64 random(8);

@@ -12,11 +12,11 @@
 namespace tubetrack {
 namespace {
 
-const Intrinsics kCamera{160, 120, 140.0, 140.0, 79.5, 59.5, {}};
+const Intrinsics kSmallCamera{160, 120, 140.0, 140.0, 79.5, 59.5, {}};
 
 /// A table in this plane, and a block of that height on it where |x|, |y| in the camera's frame are below 5 cm.
 HeightMap table(const SupportPlane& plane, double block_m) {
-  HeightMap map = make_height_map(kCamera);
+  HeightMap map = make_height_map(kSmallCamera);
   for (std::size_t cell = 0; cell < map.rays.size(); ++cell) {
     const Eigen::Vector3d ray(map.rays[cell].x(), map.rays[cell].y(), 1.0);
     double depth_m = plane.distance_m / plane.normal.dot(ray);
@@ -47,7 +47,7 @@ TEST(LargestPlane, IsTheTableUnderABlock) {
 }
 
 TEST(LargestPlane, IsNoneWhereNothingReturns) {
-  EXPECT_FALSE(largest_plane(make_height_map(kCamera)));
+  EXPECT_FALSE(largest_plane(make_height_map(kSmallCamera)));
 }
 
 TEST(PlaneMap, HoldsHeightsOverThePlane) {

@@ -15,7 +15,7 @@ namespace {
 
 using Eigen::Vector3d;
 
-const Intrinsics kCamera{640, 480, 570.0, 570.0, 319.5, 239.5, {}};
+const Intrinsics kStripsCamera{640, 480, 570.0, 570.0, 319.5, 239.5, {}};
 constexpr double kWall_m = 0.6;
 
 /// A tube without ends.
@@ -45,12 +45,14 @@ void see(HeightMap& map, const std::optional<Rod>& rod, double wall_m, double si
     const double z = (rod ? rod->depth_m(ray) : std::nullopt).value_or(wall_m);
     if (z > 0.0) pixels[i] = static_cast<std::uint16_t>(std::lround((z + sigma_m * noise(random)) / 1e-4));
   }
-  update(map, {pixels.data(), kCamera.width, kCamera.height, static_cast<std::size_t>(kCamera.width) * 2, 1e-4}, {}, {},
-         true);
+  update(map,
+         {pixels.data(), kStripsCamera.width, kStripsCamera.height, static_cast<std::size_t>(kStripsCamera.width) * 2,
+          1e-4},
+         {}, {}, true);
 }
 
 HeightMap map_of(const std::optional<Rod>& rod, double wall_m, double sigma_m) {
-  HeightMap map = make_height_map(kCamera);
+  HeightMap map = make_height_map(kStripsCamera);
   see(map, rod, wall_m, sigma_m);
   return map;
 }

@@ -56,13 +56,13 @@ bool same_found(const SurfelWork& a, const SurfelWork& b) {
 
 TEST(SurfelFinder, IncrementallyFindsBitForBitWhatItFindsAnewInTheSameHeights) {
   Patches patches;
-  HeightMap map = make_height_map(kCamera);
-  const EdgeRule edge_rule({}, kCamera.fx_px);
+  HeightMap map = make_height_map(kStreamCamera);
+  const EdgeRule edge_rule({}, kStreamCamera.fx_px);
   SurfelWork work;
   TileLedger ledger;
   prepare(map, 1, work);
   ledger.start(map);
-  const SurfelRule rule(kCamera, work.longest_ray2, {}, {});
+  const SurfelRule rule(kStreamCamera, work.longest_ray2, {}, {});
   Workers alone(1);
   int partial = 0;
   for (int frame = 0; frame < 150; ++frame) {
@@ -86,7 +86,7 @@ TEST(SurfelFinder, IncrementallyFindsBitForBitWhatItFindsAnewInTheSameHeights) {
 TEST(SurfelFinder, LosesNothingToTheScreenOnBends) {
   Stream stream;
   stream.hole_share = 0.01;
-  HeightMap map = make_height_map(kCamera);
+  HeightMap map = make_height_map(kStreamCamera);
   const Region all{0, 320, 0, 240};
   Workers alone(1);
   for (const double radius_max_m : {0.04, 0.1}) {
@@ -100,11 +100,11 @@ TEST(SurfelFinder, LosesNothingToTheScreenOnBends) {
       SurfelWork full;
       prepare(map, 1, full);
       full.heights = screened.heights;
-      SurfelRule rule(kCamera, screened.longest_ray2, {}, options);
-      find_in_regions(rule, EdgeRule({}, kCamera.fx_px), {&all, 1}, {}, {0, 240}, screened, alone);
+      SurfelRule rule(kStreamCamera, screened.longest_ray2, {}, options);
+      find_in_regions(rule, EdgeRule({}, kStreamCamera.fx_px), {&all, 1}, {}, {0, 240}, screened, alone);
       ASSERT_GT(rule.screen_bend_per_m, 0.0F);
       rule.screen_bend_per_m = 0.0F;
-      find_in_regions(rule, EdgeRule({}, kCamera.fx_px), {&all, 1}, {}, {0, 240}, full, alone);
+      find_in_regions(rule, EdgeRule({}, kStreamCamera.fx_px), {&all, 1}, {}, {0, 240}, full, alone);
       ASSERT_TRUE(same_found(screened, full)) << radius_max_m << ' ' << frame;
     }
   }
@@ -142,7 +142,7 @@ TEST(SurfelFinder, FindsTheSameBytesWithEveryVectorLength) {
 
 TEST(SurfelFinder, AllocatesNothingAfterTheFirstFrame) {
   Patches patches;
-  HeightMap map = make_height_map(kCamera);
+  HeightMap map = make_height_map(kStreamCamera);
   SurfelFinder finder;
   const NoiseModel noise;
   update(map, patches.next(), noise, {}, true);
@@ -157,7 +157,7 @@ TEST(SurfelFinder, AllocatesNothingAfterTheFirstFrame) {
 
 TEST(SurfelFinder, LeavesOutTheCellsToSkip) {
   Stream stream;
-  HeightMap map = make_height_map(kCamera);
+  HeightMap map = make_height_map(kStreamCamera);
   update(map, stream.next(), {}, {}, true);
   SurfelFinder finder;
   std::vector<std::uint8_t> skip(map.rays.size(), 0);
@@ -174,7 +174,7 @@ TEST(SurfelFinder, LeavesOutTheCellsToSkip) {
 TEST(SurfelFinder, InSomeRowsFindsBitForBitWhatItFindsThereInAll) {
   Stream stream;
   stream.hole_share = 0.02;
-  HeightMap map = make_height_map(kCamera);
+  HeightMap map = make_height_map(kStreamCamera);
   SurfelOptions options;
   options.narrowest_strip_px = 8.0;
   options.widest_strip_px = 16.0;
@@ -225,7 +225,7 @@ TEST(SurfelFinder, TakesImagesOfAnySize) {
 
 TEST(SurfelFinder, ARegionOfInterestEndsLikeTheImage) {
   Stream stream;
-  HeightMap map = make_height_map(kCamera);
+  HeightMap map = make_height_map(kStreamCamera);
   HeightMapLimits limits;
   limits.roi_u_px = 45;
   limits.roi_v_px = 31;

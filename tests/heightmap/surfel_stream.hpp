@@ -11,11 +11,11 @@
 
 namespace tubetrack {
 
-inline const Intrinsics kCamera{320, 240, 285.0, 285.0, 159.5, 119.5, {}};
+inline const Intrinsics kStreamCamera{320, 240, 285.0, 285.0, 159.5, 119.5, {}};
 
 /// Frames of two crossing cylinders before a wall, with the sensor's noise, and holes in them.
 struct Stream {
-  Intrinsics camera = kCamera;
+  Intrinsics camera = kStreamCamera;
   std::mt19937_64 random{11};
   double hole_share = 0.0;
   double noise_scale = 1.0;

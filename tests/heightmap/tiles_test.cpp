@@ -11,10 +11,10 @@
 namespace tubetrack {
 namespace {
 
-constexpr double kUnit = 1e-4;
+constexpr double kTileUnit_m = 1e-4;
 
 /// An image of one tile at 0.8 m that has been seen for some time, and the ledger that keeps up with it.
-struct OneTile {
+struct TileAndLedger {
   int width;
   int height;
   HeightMap map;
@@ -23,7 +23,7 @@ struct OneTile {
   TileLedger ledger;
   Workers alone{1};
 
-  explicit OneTile(int tile_width = 16, int tile_height = 16)
+  explicit TileAndLedger(int tile_width = 16, int tile_height = 16)
       : width(tile_width),
         height(tile_height),
         map(make_height_map({width, height, 570.0, 570.0, 8.0, 8.0, {}})),
@@ -36,7 +36,7 @@ struct OneTile {
   std::size_t cells() const { return pixels.size(); }
   /// Was it taken?
   bool see() {
-    update(map, {pixels.data(), width, height, static_cast<std::size_t>(width) * 2, kUnit}, {}, {}, true);
+    update(map, {pixels.data(), width, height, static_cast<std::size_t>(width) * 2, kTileUnit_m}, {}, {}, true);
     return !ledger.take_due(map, work.heights, alone).empty();
   }
   std::int32_t height_at(std::size_t cell) const {
@@ -45,7 +45,7 @@ struct OneTile {
 };
 
 TEST(Tiles, ASettledTileWhoseCellsComeBackAtOnceIsNotTaken) {
-  OneTile tile;
+  TileAndLedger tile;
   for (std::size_t i = 0; i < 60; ++i) {
     auto* flickers = tile.pixels.data() + 4 * (i % 32);
     std::fill_n(flickers, 4, i % 2 == 0 ? std::uint16_t{13000} : std::uint16_t{0});
@@ -56,7 +56,7 @@ TEST(Tiles, ASettledTileWhoseCellsComeBackAtOnceIsNotTaken) {
 
 TEST(Tiles, ASettledTileIsTakenInTheFrameInWhichASixteenthOfItsCellsIsElsewhere) {
   for (const auto& [width, height] : {std::pair{16, 16}, {13, 16}, {16, 7}, {5, 9}}) {
-    OneTile tile(width, height);
+    TileAndLedger tile(width, height);
     std::size_t moved = 0;
     while (16 * (moved + 1) < tile.cells()) {
       tile.pixels[3 * moved] = moved % 2 == 0 ? 7000 : 0;
@@ -71,7 +71,7 @@ TEST(Tiles, ASettledTileIsTakenInTheFrameInWhichASixteenthOfItsCellsIsElsewhere)
 }
 
 TEST(Tiles, ANewTileIsTakenWithEveryChangeForEightFrames) {
-  OneTile tile;
+  TileAndLedger tile;
   std::fill_n(tile.pixels.begin(), 64, std::uint16_t{7000});
   EXPECT_TRUE(tile.see());
   for (std::size_t i = 1; i < 8; ++i) {
@@ -82,7 +82,7 @@ TEST(Tiles, ANewTileIsTakenWithEveryChangeForEightFrames) {
 
 // At a silhouette few cells are ever steady.
 TEST(Tiles, WhatComesAndGoesWithoutEverBeingSteadyIsNotTakenAgain) {
-  OneTile tile;
+  TileAndLedger tile;
   for (int frame = 0; frame < 60; ++frame) {
     std::fill_n(tile.pixels.begin(), 40, frame % 2 == 0 ? std::uint16_t{0} : std::uint16_t{8000});
     EXPECT_EQ(tile.see(), frame == 0) << frame;  // then they had been steady

@@ -16,7 +16,7 @@ using ::testing::Contains;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
 
-constexpr double kPi = std::numbers::pi;
+using std::numbers::pi;
 using Points = std::vector<Eigen::Vector3d>;
 
 std::string xyz_text(const Points& points) {
@@ -70,7 +70,7 @@ NormalErrors normal_errors(const Scan& scan, const TorusPiece& piece) {
   NormalErrors errors;
   for (std::size_t i = 0; i < scan.points_m.size(); ++i) {
     const double cosine = scan.normals[i].cast<double>().dot(torus_normal(piece, 1000.0 * scan.points_m[i]));
-    errors.mean_deg += std::acos(std::min(1.0, std::abs(cosine))) * 180.0 / kPi;
+    errors.mean_deg += std::acos(std::min(1.0, std::abs(cosine))) * 180.0 / pi;
     errors.outward_part += cosine > 0.0 ? 1.0 : 0.0;
   }
   errors.mean_deg /= static_cast<double>(scan.points_m.size());
@@ -146,10 +146,10 @@ TEST(CloudScan, NormalsOfNoisyPartialCloudsAreEstimatedAndTurnedOutward) {
   };
   const TemporaryFolder folder;
   for (const Case& one :
-       {Case{"whole, clean", {60, 10, 3, 2 * kPi}, 20'000, 0.0, 1.5},
-        Case{"whole, noisy", {60, 10, 3, 2 * kPi}, 20'000, 0.1, 5.0},
-        Case{"from one side", {60, 10, 3, kPi}, 20'000, 0.1, 6.0}, Case{"a third", {60, 10, 3, 2.1}, 20'000, 0.1, 7.0},
-        Case{"sparse", {60, 10, 3, 2 * kPi}, 1500, 0.05, 8.0}}) {
+       {Case{"whole, clean", {60, 10, 3, 2 * pi}, 20'000, 0.0, 1.5},
+        Case{"whole, noisy", {60, 10, 3, 2 * pi}, 20'000, 0.1, 5.0},
+        Case{"from one side", {60, 10, 3, pi}, 20'000, 0.1, 6.0}, Case{"a third", {60, 10, 3, 2.1}, 20'000, 0.1, 7.0},
+        Case{"sparse", {60, 10, 3, 2 * pi}, 1500, 0.05, 8.0}}) {
     SCOPED_TRACE(one.name);
     write_bytes(folder / "a.xyz", xyz_text(torus_points(one.piece, one.count, one.noise, 3)));
     const Scan scan = scan_of(folder / "a.xyz");

@@ -18,7 +18,7 @@ using ::testing::Contains;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
 
-constexpr double kPi = std::numbers::pi;
+using std::numbers::pi;
 
 std::string mhd_text(const std::string& extra, const std::string& data) {
   return "ObjectType = Image\nNDims = 3\nBinaryData = True\n" + extra +
@@ -158,10 +158,10 @@ DigitalErrors digital_torus(const std::filesystem::path& path, double step_mm, d
   DigitalErrors errors;
   for (const ScanSurfel& surfel : surfels) {
     const Eigen::Vector3d normal = torus_normal(piece, 1000.0 * surfel.position_m.cast<double>() - center_mm);
-    const double deg = std::acos(std::clamp(-surfel.inward_normal.cast<double>().dot(normal), -1.0, 1.0)) * 180 / kPi;
+    const double deg = std::acos(std::clamp(-surfel.inward_normal.cast<double>().dot(normal), -1.0, 1.0)) * 180 / pi;
     errors.mean_deg += deg / static_cast<double>(surfels.size());
     errors.worst_deg = std::max(errors.worst_deg, deg);
-    errors.area_ratio += surfel.weight * step_mm * step_mm / (4 * kPi * kPi * 60.0 * 12.0);
+    errors.area_ratio += surfel.weight * step_mm * step_mm / (4 * pi * pi * 60.0 * 12.0);
   }
   return errors;
 }
@@ -260,7 +260,7 @@ TEST(HeightMapScan, NormalsPointToTheAxis) {
       ++on_bar;
       const Eigen::Vector3d axis_way(0.0, to_axis.x(), to_axis.y());
       ASSERT_NEAR(axis_way.norm(), 0.008, 0.0001);
-      sum_deg += std::acos(std::min(1.0, surfel.inward_normal.cast<double>().dot(axis_way.normalized()))) * 180.0 / kPi;
+      sum_deg += std::acos(std::min(1.0, surfel.inward_normal.cast<double>().dot(axis_way.normalized()))) * 180.0 / pi;
     }
     EXPECT_GT(on_bar, least);
     EXPECT_LT(sum_deg / on_bar, most_deg);

@@ -16,7 +16,7 @@ using ::testing::Contains;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
 
-constexpr double kPi = std::numbers::pi;
+using std::numbers::pi;
 
 /// Part of the surfels whose normals point toward the torus' centreline; the piece is in mm.
 double inward_part(const Scan& scan, const TorusPiece& piece) {
@@ -78,20 +78,20 @@ TEST(MeshScan, GridStepIsTheMedianLongestEdgeAndForSliversTheShortest) {
   const TemporaryFolder folder;
   write_bytes(folder / "a.off", "OFF\n4 2 0\n0 0 0\n3 0 0\n3 4 0\n0 4 0\n3 0 1 2\n3 0 2 3\n");
   EXPECT_NEAR(scan_of(folder / "a.off").grid_step_m, 0.005, 1e-12);
-  write_bytes(folder / "cad.off", off_text(tube_mesh({1e4, 10.0, 0.05, 2 * kPi, 1, 64})));
+  write_bytes(folder / "cad.off", off_text(tube_mesh({1e4, 10.0, 0.05, 2 * pi, 1, 64})));
   const Scan slivers = scan_of(folder / "cad.off");  // 500 mm long, one face from end to end
-  EXPECT_NEAR(slivers.grid_step_m, 2.0 * 0.010 * std::sin(kPi / 64), 1e-5);
+  EXPECT_NEAR(slivers.grid_step_m, 2.0 * 0.010 * std::sin(pi / 64), 1e-5);
 }
 
 TEST(MeshScan, LargeFacesGiveManySurfelsOfTheSameArea) {
   const TemporaryFolder folder;
-  write_bytes(folder / "cad.off", off_text(tube_mesh({1e4, 10.0, 0.05, 2 * kPi, 1, 64})));
+  write_bytes(folder / "cad.off", off_text(tube_mesh({1e4, 10.0, 0.05, 2 * pi, 1, 64})));
   const Scan scan = scan_of(folder / "cad.off");
   const auto surfels = surfels_of(scan);
   EXPECT_GT(surfels.size(), 10'000U);
   double area_m2 = 0.0;
   for (const ScanSurfel& surfel : surfels) area_m2 += surfel.weight * scan.grid_step_m * scan.grid_step_m;
-  EXPECT_NEAR(area_m2, 2 * kPi * 0.010 * 0.500, 0.005 * 2 * kPi * 0.010 * 0.500);
+  EXPECT_NEAR(area_m2, 2 * pi * 0.010 * 0.500, 0.005 * 2 * pi * 0.010 * 0.500);
   ScanSurfelOptions few;
   few.max_count = 2000;
   EXPECT_LE(surfels_of(scan, few).size(), 2000U);
@@ -141,17 +141,17 @@ TEST_P(Orientation, IsPutRight) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Tubes, Orientation,
-                         ::testing::Values(Turned{"closed", {60, 10, 2 * kPi, 2 * kPi, 240, 40}, 0.0},
-                                           Turned{"closed half", {60, 10, 2 * kPi, 2 * kPi, 240, 40}, 0.5},
-                                           Turned{"closed all", {60, 10, 2 * kPi, 2 * kPi, 240, 40}, 1.0},
-                                           Turned{"open", {60, 10, 3, 2 * kPi, 120, 40}, 0.0},
-                                           Turned{"open half", {60, 10, 3, 2 * kPi, 120, 40}, 0.5},
-                                           Turned{"open all", {60, 10, 3, 2 * kPi, 120, 40}, 1.0},
+                         ::testing::Values(Turned{"closed", {60, 10, 2 * pi, 2 * pi, 240, 40}, 0.0},
+                                           Turned{"closed half", {60, 10, 2 * pi, 2 * pi, 240, 40}, 0.5},
+                                           Turned{"closed all", {60, 10, 2 * pi, 2 * pi, 240, 40}, 1.0},
+                                           Turned{"open", {60, 10, 3, 2 * pi, 120, 40}, 0.0},
+                                           Turned{"open half", {60, 10, 3, 2 * pi, 120, 40}, 0.5},
+                                           Turned{"open all", {60, 10, 3, 2 * pi, 120, 40}, 1.0},
                                            Turned{"a third of the section", {60, 10, 3, 2.1, 120, 16}, 0.0},
                                            Turned{"a third of the section, most", {60, 10, 3, 2.1, 120, 16}, 0.8},
                                            Turned{"a third of the section, all", {60, 10, 3, 2.1, 120, 16}, 1.0},
-                                           Turned{"fine", {60, 10, 3, kPi, 1000, 120}, 1.0},
-                                           Turned{"straight, thin", {5000, 5, 0.2, kPi, 700, 12}, 1.0}));
+                                           Turned{"fine", {60, 10, 3, pi, 1000, 120}, 1.0},
+                                           Turned{"straight, thin", {5000, 5, 0.2, pi, 700, 12}, 1.0}));
 
 TEST(MeshScan, ANoisyPartialMeshIsTurnedAllTheSame) {
   const TemporaryFolder folder;
@@ -171,7 +171,7 @@ TEST(MeshScan, ANoisyPartialMeshIsTurnedAllTheSame) {
 TEST(MeshScan, ATubeOnAFloorIsToldFromTheFloor) {
   const TemporaryFolder folder;
   // Half a tube, its feet, and four times its area of floor, all turned over.
-  TestMesh mesh = tube_mesh({60, 10, 3, kPi, 240, 26});
+  TestMesh mesh = tube_mesh({60, 10, 3, pi, 240, 26});
   const auto first = static_cast<std::uint32_t>(mesh.points.size());
   for (std::uint32_t i = 0; i < 120; ++i) {
     for (std::uint32_t j = 0; j < 120; ++j) mesh.points.emplace_back(60.0, 1.2 * i - 72.0, 1.2 * j - 72.0);
@@ -195,7 +195,7 @@ TEST(MeshScan, AMoebiusStripIsReadAndNoted) {
   TestMesh mesh;
   constexpr std::uint32_t n = 40;
   for (std::uint32_t i = 0; i < n; ++i) {
-    const double turn = 2 * kPi * i / n;
+    const double turn = 2 * pi * i / n;
     const Eigen::Vector3d out(std::cos(turn), std::sin(turn), 0.0);
     const Eigen::Vector3d across = 5.0 * (std::cos(0.5 * turn) * out + std::sin(0.5 * turn) * Eigen::Vector3d::UnitZ());
     mesh.points.push_back(30.0 * out + across);

@@ -8,12 +8,12 @@
 namespace tubetrack {
 namespace {
 
-constexpr double kRadius_m = 0.015;
+constexpr double kBentRadius_m = 0.015;
 
 /// A tube with two bends of 1.2 and 0.9 rad, 0.5 rad between their planes.
 TruthFrame two_bends() {
   TrueTube tube;
-  tube.radius_m = kRadius_m;
+  tube.radius_m = kBentRadius_m;
   tube.centerline_m = {{0.0, 0.0, 0.8}, {0.1, 0.0, 0.8}};
   tube.bends = {{0.09, 1.2, 0.0}, {0.10, 0.9, 0.5}};
   TruthFrame truth;

@@ -10,14 +10,14 @@ namespace {
 
 using testing::DoubleNear;
 
-constexpr double kRadius_m = 0.015;
+constexpr double kTrueRadius_m = 0.015;
 constexpr double kSigma_m = 0.0002;
 
 /// Along x, 0.8 m in front of the camera.
 TrueTube true_tube() {
   TrueTube tube;
   tube.id = 1;
-  tube.radius_m = kRadius_m;
+  tube.radius_m = kTrueRadius_m;
   for (int i = 0; i <= 200; ++i) tube.centerline_m.emplace_back(0.002 * i - 0.2, 0.0, 0.8);
   tube.visible.assign(tube.centerline_m.size(), true);
   return tube;
@@ -31,7 +31,7 @@ TruthFrame truth() {
 Tube reported(const Eigen::Vector3d& shift_m) {
   Tube tube;
   tube.id = 7;
-  tube.radius_m = kRadius_m;
+  tube.radius_m = kTrueRadius_m;
   tube.radius_sigma_m = kSigma_m;
   tube.confidence = 0.9;
   for (int i = 1; i < 20; ++i) {
@@ -80,7 +80,7 @@ TEST(Calibration, TheCovarianceIsReadInItsDirections) {
 
 TEST(Calibration, TooNearIsPositive) {
   Tube tube = reported({0.0, 0.0, -0.001});
-  tube.radius_m = kRadius_m - 0.0003;
+  tube.radius_m = kTrueRadius_m - 0.0003;
   const Calibration calibration = calibrated(tube);
   // The rays to the ends are slanted by up to 13°.
   EXPECT_THAT(calibration.toward_camera_m(), DoubleNear(0.001, 0.00002));
@@ -151,8 +151,8 @@ TEST(Calibration, SmoothingIsTheLengthOfTheFilterThatMadeTheErrors) {
     for (int i = 0; i < 60; ++i) {
       NodeError node;
       node.first = i == 0;
-      node.true_radius_m = kRadius_m;
-      node.from_start_m = 0.5 * kRadius_m * i;
+      node.true_radius_m = kTrueRadius_m;
+      node.from_start_m = 0.5 * kTrueRadius_m * i;
       for (int tap = 0; tap < kTaps; ++tap) node.sideways_m += noise[static_cast<std::size_t>(i + tap)] / kTaps;
       calibration.nodes.push_back(node);
     }

@@ -11,7 +11,7 @@ namespace tubetrack {
 namespace {
 
 constexpr double kDepth_m = 0.8;
-constexpr double kRadius_m = 0.04;
+constexpr double kDrawnRadius_m = 0.04;
 
 class Overlay : public testing::Test {
  protected:
@@ -24,7 +24,7 @@ class Overlay : public testing::Test {
     frame_.stride_bytes = 640 * 2;
     Tube tube;
     tube.id = 3;
-    tube.radius_m = kRadius_m;
+    tube.radius_m = kDrawnRadius_m;
     for (int i = 0; i <= 20; ++i) tube.centerline_m.emplace_back(-0.2 + 0.02 * i, 0.0, kDepth_m);
     tube.node_visible.assign(21, true);
     result_.tubes = {tube};
@@ -53,8 +53,8 @@ TEST_F(Overlay, DrawsCentrelineAndSilhouettesWhereTheyProject) {
   const cv::Mat picture = written();
   ASSERT_EQ(picture.size(), cv::Size(640, 480));
   // The line of sight that grazes a cylinder of radius R at distance d has slope R / √(d² − R²).
-  const int half_px =
-      static_cast<int>(std::lround(570.0 * kRadius_m / std::sqrt(kDepth_m * kDepth_m - kRadius_m * kRadius_m)));
+  const int half_px = static_cast<int>(
+      std::lround(570.0 * kDrawnRadius_m / std::sqrt(kDepth_m * kDepth_m - kDrawnRadius_m * kDrawnRadius_m)));
   EXPECT_TRUE(coloured(picture, 230, 240));
   EXPECT_TRUE(coloured(picture, 230, 240 + half_px) || coloured(picture, 230, 239 + half_px));
   EXPECT_TRUE(coloured(picture, 230, 240 - half_px) || coloured(picture, 230, 239 - half_px));

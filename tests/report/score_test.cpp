@@ -12,7 +12,7 @@ namespace {
 using testing::DoubleNear;
 using testing::HasSubstr;
 
-constexpr double kRadius_m = 0.015;
+constexpr double kScoredRadius_m = 0.015;
 
 std::vector<Eigen::Vector3d> line_along_x(double from_m, double to_m, double y_m, double step_m) {
   std::vector<Eigen::Vector3d> line;
@@ -24,7 +24,7 @@ std::vector<Eigen::Vector3d> line_along_x(double from_m, double to_m, double y_m
 TrueTube true_tube(std::int64_t id, double y_m) {
   TrueTube tube;
   tube.id = id;
-  tube.radius_m = kRadius_m;
+  tube.radius_m = kScoredRadius_m;
   tube.centerline_m = line_along_x(0.0, 0.4, y_m, 0.002);
   tube.visible.assign(tube.centerline_m.size(), true);
   return tube;
@@ -33,7 +33,7 @@ TrueTube true_tube(std::int64_t id, double y_m) {
 Tube reported_tube(std::int64_t id, double from_m, double to_m, double y_m) {
   Tube tube;
   tube.id = id;
-  tube.radius_m = kRadius_m;
+  tube.radius_m = kScoredRadius_m;
   tube.centerline_m = line_along_x(from_m, to_m, y_m, 0.01);
   return tube;
 }
@@ -99,9 +99,9 @@ TEST(Score, ALineShiftedByDHasRmsD) {
 }
 
 TEST(Score, ALineShiftedByMoreThanTheReachCoversNothingAndStillHasItsRms) {
-  const Score score = scored_one(reported_tube(9, 0.0, 0.4, 0.36 * kRadius_m));
+  const Score score = scored_one(reported_tube(9, 0.0, 0.4, 0.36 * kScoredRadius_m));
   EXPECT_EQ(score.total.coverage(), 0.0);
-  EXPECT_THAT(score.total.rms_m(), DoubleNear(0.36 * kRadius_m, 1e-12));
+  EXPECT_THAT(score.total.rms_m(), DoubleNear(0.36 * kScoredRadius_m, 1e-12));
   EXPECT_EQ(score.total.false_length(), 0.0);
 }
 
@@ -137,7 +137,7 @@ TEST(Score, AFarLineIsFalse) {
 }
 
 TEST(Score, BeyondTheEndByLessThanTheRadiusIsNotFalseAndNotInTheRms) {
-  const Score inside = scored_one(reported_tube(9, 0.0, 0.4 + 0.9 * kRadius_m, 0.0));
+  const Score inside = scored_one(reported_tube(9, 0.0, 0.4 + 0.9 * kScoredRadius_m, 0.0));
   EXPECT_EQ(inside.total.false_length(), 0.0);
   EXPECT_THAT(inside.total.rms_m(), DoubleNear(0.0, 1e-12));
   // 31 mm too long: what is beyond R = 15 mm is false, to half the resampling step.
@@ -166,7 +166,7 @@ TEST(Score, RadiusErrorIsTheMedianOverFrames) {
     const auto number = static_cast<std::int64_t>(truth.size());
     truth.push_back(truth_frame(number, {true_tube(1, 0.0)}));
     Tube tube = reported_tube(9, 0.0, 0.4, 0.0);
-    tube.radius_m = factor * kRadius_m;
+    tube.radius_m = factor * kScoredRadius_m;
     results.push_back(result_frame(number, {tube}));
   }
   EXPECT_THAT(scored(truth, results).total.radius_error_median(), DoubleNear(0.02, 1e-12));

@@ -12,12 +12,12 @@ namespace {
 
 using Eigen::Vector3d;
 
-const Vector3d kMiddle(0.01, -0.02, 0.8);
-const Vector3d kAxis = Vector3d(1.0, 0.3, 0.15).normalized();
+const Vector3d kDriftMiddle(0.01, -0.02, 0.8);
+const Vector3d kDriftAxis = Vector3d(1.0, 0.3, 0.15).normalized();
 constexpr double kFrame_s = 1.0 / 30.0;
 
 TubeModel tube() {
-  return straight_model(kMiddle, kAxis, 0.15, 0.015);
+  return straight_model(kDriftMiddle, kDriftAxis, 0.15, 0.015);
 }
 
 /// A frame that tells every control point and the radius to `sigma_m`, and sees the tube moved.
@@ -44,7 +44,7 @@ Drift drift_over(int frames, const TubeVelocity& velocity, const TubeVelocity& g
 }
 
 // About its axis a straight tube shows no turn.
-const TubeVelocity kCreep{{0.0004, -0.0003, 0.0008}, kAxis.cross(Vector3d(0.002, 0.001, -0.003))};
+const TubeVelocity kCreep{{0.0004, -0.0003, 0.0008}, kDriftAxis.cross(Vector3d(0.002, 0.001, -0.003))};
 
 TEST(Drift, TheVelocityOfManySharpFramesIsFound) {
   const VelocityChange found = judge_velocity(drift_over(30, kCreep, {}, 1e-5), {});

@@ -21,19 +21,17 @@ namespace {
 
 using Eigen::Vector3d;
 
-const Intrinsics kCamera{640, 480, 570.0, 570.0, 319.5, 239.5, {}};
-
 /// Of all peaks in a map's votes, best first: whether they are sparse.
 std::vector<bool> sparse_peaks(const HeightMap& map) {
   const std::vector<Surfel> surfels = tube_surfels(map, {}, {});
-  const double cell_m = matching_cell_m(surfels, kCamera.fx_px);
+  const double cell_m = matching_cell_m(surfels, kVga.fx_px);
   AccumulationMap votes(cell_m);
   for (const Surfel& surfel : surfels) votes.add(vote_record(surfel, cell_m));
   std::vector<bool> sparse;
   for (const VoxelIndex& peak : votes.peaks(12, 1)) {
     const Voxel box = votes.box(peak, 1);
     const double radius_m = cell_m * box.steps / box.votes;
-    sparse.push_back(is_sparse(box, radius_m, cell_m, kCamera.fx_px / votes.center_of(peak).z()));
+    sparse.push_back(is_sparse(box, radius_m, cell_m, kVga.fx_px / votes.center_of(peak).z()));
   }
   return sparse;
 }
@@ -56,7 +54,7 @@ TEST(SparsePeaks, TheBestOfATubeOfAnyRadiusAndDirectionIsNone) {
   for (const double radius_m : {0.012, 0.02, 0.04, 0.08}) {
     for (const double depth_m : {0.6, 0.9}) {
       for (const Vector3d& raw : {Vector3d(1, 0, 0), Vector3d(0.3, 1, 0), Vector3d(1, -0.7, 0.6)}) {
-        const HeightMap map = cylinder_map(kCamera, Vector3d(0.0, 0.0, depth_m), raw.normalized(), 0.15, radius_m);
+        const HeightMap map = cylinder_map(kVga, Vector3d(0.0, 0.0, depth_m), raw.normalized(), 0.15, radius_m);
         const std::vector<bool> sparse = sparse_peaks(with_noise(map, 3));
         ASSERT_FALSE(sparse.empty());
         EXPECT_FALSE(sparse[0]) << radius_m << " at " << depth_m;
@@ -69,9 +67,9 @@ TEST(SparsePeaks, AreMostOfThoseOfANoisySlantedTable) {
   const NoiseModel noise;
   std::mt19937_64 random(7);
   std::normal_distribution<double> gauss;
-  HeightMap map = make_height_map(kCamera);
+  HeightMap map = make_height_map(kVga);
   const Vector3d normal(0.0, std::sqrt(0.5), std::sqrt(0.5));
-  const double px = noise.lateral_px / kCamera.fx_px;
+  const double px = noise.lateral_px / kVga.fx_px;
   for (std::size_t i = 0; i < map.rays.size(); ++i) {
     const Vector3d ray(map.rays[i].x() + px * gauss(random), map.rays[i].y() + px * gauss(random), 1.0);
     map.depth_m[i] = static_cast<float>(0.8 * normal.z() / normal.dot(ray));
@@ -88,9 +86,9 @@ TEST(SparsePeaks, AreMostOfThoseOfANoisySlantedTable) {
 TEST(TraceOn, GoesOnBehindWhatHidesTwoRadiiOfATubeAndStopsAtItsEnd) {
   constexpr double kRadius_m = 0.02;
   const Vector3d middle(0.0, 0.0, 0.8);
-  const HeightMap map = with_noise(cylinder_map(kCamera, middle, Vector3d::UnitX(), 0.15, kRadius_m), 4);
+  const HeightMap map = with_noise(cylinder_map(kVga, middle, Vector3d::UnitX(), 0.15, kRadius_m), 4);
   const std::vector<Surfel> surfels = tube_surfels(map, {}, {});
-  const double cell_m = matching_cell_m(surfels, kCamera.fx_px);
+  const double cell_m = matching_cell_m(surfels, kVga.fx_px);
   AccumulationMap votes(cell_m);
   for (const Surfel& surfel : surfels) {
     if (std::abs(surfel.position_m.x()) > kRadius_m) votes.add(vote_record(surfel, cell_m));

@@ -14,8 +14,6 @@ namespace {
 
 using Eigen::Vector3d;
 
-const Intrinsics kCamera{640, 480, 570.0, 570.0, 319.5, 239.5, {}};
-
 /// A gently bent tube 0.8 m away.
 TubeModel random_tube(std::mt19937_64& random) {
   std::normal_distribution<double> gauss;
@@ -85,7 +83,7 @@ TEST(ResidualTerm, DerivativesAreTheSlopesOfTheResidual) {
 TEST(ResidualTerm, IsTheDistanceAlongTheRayFromThePredictedSurface) {
   const Vector3d axis = Vector3d(1.0, 0.4, 0.2).normalized();
   const TubeModel model = straight_model({0.0, 0.02, 0.8}, axis, 0.2, 0.015);
-  const HeightMap map = cylinder_map(kCamera, {0.0, 0.02, 0.8}, axis, 0.15, 0.015);
+  const HeightMap map = cylinder_map(kVga, {0.0, 0.02, 0.8}, axis, 0.15, 0.015);
   for (const PredictedPixel& pixel : predict_pixels(map, NoiseModel{}, model)) {
     if (map.depth_m[pixel.cell] <= 0.0F || pixel.cos_incidence < 0.3F) continue;
     const Vector3d ray = Vector3d(map.rays[pixel.cell].x(), map.rays[pixel.cell].y(), 1.0);
@@ -137,7 +135,7 @@ struct Straight {
 
 /// Observations of all pixels with incidence below 75°, with Gaussian noise of the model's σ along the ray.
 std::vector<Observation> observe(const Straight& tube, std::mt19937_64* random) {
-  const HeightMap map = cylinder_map(kCamera, tube.point_m, tube.axis, tube.half_m, tube.radius_m);
+  const HeightMap map = cylinder_map(kVga, tube.point_m, tube.axis, tube.half_m, tube.radius_m);
   const TubeModel model = straight_model(tube.point_m, tube.axis, tube.half_m, tube.radius_m);
   const NoiseModel noise;
   std::normal_distribution<double> gauss;

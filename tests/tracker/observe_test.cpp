@@ -19,8 +19,7 @@ namespace {
 
 using Eigen::Vector3d;
 
-const Intrinsics kCamera{640, 480, 570.0, 570.0, 319.5, 239.5, {}};
-constexpr double kRadius_m = 0.03;
+constexpr double kThickRadius_m = 0.03;
 
 /// The noisy, millimetre-wise view of a straight tube, and a model a little off it.
 struct View {
@@ -32,8 +31,9 @@ struct View {
 View look_at_a_tube(bool at_disparity_levels) {
   const Vector3d middle(0.01, -0.02, 0.8);
   const Vector3d axis = Vector3d(1.0, 0.3, 0.15).normalized();
-  View view{
-      cylinder_map(kCamera, middle, axis, 0.1, kRadius_m), straight_model(middle, axis, 0.1, 1.02 * kRadius_m), {}};
+  View view{cylinder_map(kVga, middle, axis, 0.1, kThickRadius_m),
+            straight_model(middle, axis, 0.1, 1.02 * kThickRadius_m),
+            {}};
   std::mt19937_64 random(3);
   std::normal_distribution<float> gauss(0.0F, 0.003F);
   for (float& depth_m : view.map.depth_m) {

@@ -18,7 +18,7 @@
 namespace tubetrack {
 namespace {
 
-constexpr double kRadius_m = 0.01;
+constexpr double kScannedRadius_m = 0.01;
 
 /// Points all over a cylinder around the x axis, 0.2 m long.
 std::vector<ScanSurfel> cylinder(int count) {
@@ -29,7 +29,7 @@ std::vector<ScanSurfel> cylinder(int count) {
     const double angle_rad = 2.0 * std::numbers::pi * unit(random);
     const Eigen::Vector3d outward(0.0, std::cos(angle_rad), std::sin(angle_rad));
     ScanSurfel surfel;
-    surfel.position_m = (Eigen::Vector3d(0.2 * unit(random), 0.0, 0.0) + kRadius_m * outward).cast<float>();
+    surfel.position_m = (Eigen::Vector3d(0.2 * unit(random), 0.0, 0.0) + kScannedRadius_m * outward).cast<float>();
     surfel.inward_normal = -outward.cast<float>();
     surfels.push_back(surfel);
   }
@@ -37,7 +37,7 @@ std::vector<ScanSurfel> cylinder(int count) {
 }
 
 TEST(ScanGrid, EveryCellIsInOneBucket) {
-  const SurfelGrid grid = merged_by_cell(cylinder(5000), {}, 0.3 * kRadius_m);
+  const SurfelGrid grid = merged_by_cell(cylinder(5000), {}, 0.3 * kScannedRadius_m);
   std::uint32_t next = 0;
   for (const SurfelBucket& bucket : grid.buckets) {
     EXPECT_EQ(bucket.begin, next);
@@ -68,7 +68,7 @@ std::vector<std::size_t> places_in(const SurfelGrid& grid, const std::vector<Sca
 
 TEST(ScanGrid, EverySurfelIsInTheCellOfItsPlace) {
   const std::vector<ScanSurfel> surfels = cylinder(5000);
-  const SurfelGrid grid = merged_by_cell(surfels, {}, 0.3 * kRadius_m);
+  const SurfelGrid grid = merged_by_cell(surfels, {}, 0.3 * kScannedRadius_m);
   const std::vector<std::size_t> places = places_in(grid, surfels);
   std::vector<std::uint32_t> counts(grid.surfels.size(), 0);
   for (std::size_t i = 0; i < surfels.size(); ++i) {
@@ -82,7 +82,7 @@ TEST(ScanGrid, EverySurfelIsInTheCellOfItsPlace) {
 
 TEST(ScanGrid, ManySurfelsThatAreSortedInSharesAreInTheCellsOfTheirPlaces) {
   const std::vector<ScanSurfel> surfels = cylinder(300'000);
-  const double cell_m = 0.05 * kRadius_m;
+  const double cell_m = 0.05 * kScannedRadius_m;
   const SurfelGrid grid = merged_by_cell(surfels, {}, cell_m);
   EXPECT_TRUE(std::is_sorted(grid.keys.begin(), grid.keys.end()));
   EXPECT_EQ(std::adjacent_find(grid.keys.begin(), grid.keys.end()), grid.keys.end());
@@ -97,8 +97,9 @@ TEST(ScanGrid, ManySurfelsThatAreSortedInSharesAreInTheCellsOfTheirPlaces) {
 }
 
 TEST(ScanGrid, WhereSurfelsAreOnALineDoesNotDependOnTheVectors) {
-  const SurfelGrid grid = merged_by_cell(cylinder(20'000), {}, 0.3 * kRadius_m);
-  const ScanLine line = scan_line_along({{-0.02, 0.0, 0.0}, {0.1, 0.002, 0.001}, {0.22, 0.0, 0.0}}, kRadius_m, false);
+  const SurfelGrid grid = merged_by_cell(cylinder(20'000), {}, 0.3 * kScannedRadius_m);
+  const ScanLine line =
+      scan_line_along({{-0.02, 0.0, 0.0}, {0.1, 0.002, 0.001}, {0.22, 0.0, 0.0}}, kScannedRadius_m, false);
   const std::vector<SurfacePoint> best = points_near(grid, {}, line);
   ASSERT_GT(best.size(), 1000U);
   for (const std::int64_t target : hwy::SupportedAndGeneratedTargets()) {
@@ -116,11 +117,12 @@ TEST(ScanGrid, WhereSurfelsAreOnALineDoesNotDependOnTheVectors) {
 }
 
 TEST(ScanGrid, ALineThatMovedALittleHasItsSurfelsWhereALookAtAllOfThemFindsThem) {
-  const SurfelGrid grid = merged_by_cell(cylinder(20'000), {}, 0.3 * kRadius_m);
-  const ScanLine line = scan_line_along({{-0.02, 0.0, 0.0}, {0.1, 0.002, 0.001}, {0.22, 0.0, 0.0}}, kRadius_m, false);
+  const SurfelGrid grid = merged_by_cell(cylinder(20'000), {}, 0.3 * kScannedRadius_m);
+  const ScanLine line =
+      scan_line_along({{-0.02, 0.0, 0.0}, {0.1, 0.002, 0.001}, {0.22, 0.0, 0.0}}, kScannedRadius_m, false);
   ScanLine moved = line;
   for (Eigen::Vector3d& control : moved.model.spline.control_m)
-    control += Eigen::Vector3d(0.15, 0.1, -0.05) * kRadius_m;
+    control += Eigen::Vector3d(0.15, 0.1, -0.05) * kScannedRadius_m;
   std::vector<SurfacePoint> again = points_near(grid, {}, line);
   place_again(grid, moved, again);
   const std::vector<SurfacePoint> anew = points_near(grid, {}, moved);
@@ -131,7 +133,7 @@ TEST(ScanGrid, ALineThatMovedALittleHasItsSurfelsWhereALookAtAllOfThemFindsThem)
       continue;
     }
     EXPECT_NEAR(anew[i].t, again[k].t, 0.012);
-    EXPECT_NEAR(anew[i].distance_m, again[k].distance_m, 1e-4F * kRadius_m);
+    EXPECT_NEAR(anew[i].distance_m, again[k].distance_m, 1e-4F * kScannedRadius_m);
     ++both, ++i, ++k;
   }
   EXPECT_GT(both, anew.size() * 97 / 100);  // the others are at the border of what belongs to it
@@ -142,7 +144,7 @@ TEST(ScanGrid, WhatIsLeftOutIsInNoCell) {
   const std::vector<ScanSurfel> surfels = cylinder(1000);
   std::vector<char> left_out(surfels.size(), 0);
   for (std::size_t i = 0; i < surfels.size(); ++i) left_out[i] = surfels[i].position_m.x() > 0.1F ? 1 : 0;
-  const double cell_m = 0.0005 * kRadius_m;  // one for each
+  const double cell_m = 0.0005 * kScannedRadius_m;  // one for each
   const SurfelGrid grid = merged_by_cell(surfels, left_out, cell_m);
   const std::vector<std::size_t> places = places_in(grid, surfels);
   for (std::size_t i = 0; i < surfels.size(); ++i) EXPECT_EQ(places[i] == grid.surfels.size(), left_out[i] != 0);
@@ -155,7 +157,7 @@ TEST(ScanGrid, OppositeWallsThatCancelOutAreInNoCell) {
     surfels.push_back(surfels[i]);
     surfels.back().inward_normal *= -1.0F;
   }
-  const SurfelGrid grid = merged_by_cell(surfels, {}, 0.0005 * kRadius_m);
+  const SurfelGrid grid = merged_by_cell(surfels, {}, 0.0005 * kScannedRadius_m);
   EXPECT_EQ(grid.surfels.size(), count / 2);
   const std::vector<std::size_t> places = places_in(grid, surfels);
   for (std::size_t i = 0; i < surfels.size(); ++i)
@@ -165,7 +167,7 @@ TEST(ScanGrid, OppositeWallsThatCancelOutAreInNoCell) {
 TEST(ScanGrid, BucketsInABoxAreAllThatHaveTheirCentreInIt) {
   const std::vector<ScanSurfel> surfels = cylinder(20000);
   std::vector<std::uint32_t> numbers;
-  const SurfelGrid grid = merged_by_cell(surfels, {}, 0.05 * kRadius_m);
+  const SurfelGrid grid = merged_by_cell(surfels, {}, 0.05 * kScannedRadius_m);
   for (const double from_m : {-0.1, 0.0, 0.07, 0.19, 0.3}) {
     const Eigen::AlignedBox3d box(Eigen::Vector3d(from_m, 0.0, -0.02), Eigen::Vector3d(from_m + 0.02, 0.004, 0.02));
     grid.buckets_in(box, numbers);
@@ -179,21 +181,21 @@ TEST(ScanGrid, BucketsInABoxAreAllThatHaveTheirCentreInIt) {
 
 TEST(ScanGrid, MeansOfCellsKnowHowFarTheCurvedSurfaceStandsOutOverThem) {
   const std::vector<ScanSurfel> surfels = cylinder(40000);
-  const SurfelGrid grid = merged_by_cell(surfels, {}, 0.4 * kRadius_m);
-  const ScanLine line = scan_line_along({{-0.05, 0.0, 0.0}, {0.25, 0.0, 0.0}}, kRadius_m, false);
+  const SurfelGrid grid = merged_by_cell(surfels, {}, 0.4 * kScannedRadius_m);
+  const ScanLine line = scan_line_along({{-0.05, 0.0, 0.0}, {0.25, 0.0, 0.0}}, kScannedRadius_m, false);
   double means_m = 0.0, surface_m = 0.0, worst_m = 0.0;
   const std::vector<SurfacePoint> points = points_near(grid, {}, line);
   ASSERT_GT(points.size(), grid.surfels.size() * 95 / 100);
   for (const SurfacePoint& point : points) {
     means_m += (point.distance_m - point.lift_m) / static_cast<double>(points.size());
     surface_m += point.distance_m / static_cast<double>(points.size());
-    worst_m = std::max(worst_m, std::abs(point.distance_m - kRadius_m));
+    worst_m = std::max(worst_m, std::abs(point.distance_m - kScannedRadius_m));
   }
-  std::printf("means lie at %.5f R, the surface at %.6f R, worst %.5f R off\n", means_m / kRadius_m,
-              surface_m / kRadius_m, worst_m / kRadius_m);
-  EXPECT_LT(means_m, 0.997 * kRadius_m);
-  EXPECT_NEAR(surface_m, kRadius_m, 0.00003 * kRadius_m);
-  EXPECT_LT(worst_m, 0.00012 * kRadius_m);
+  std::printf("means lie at %.5f R, the surface at %.6f R, worst %.5f R off\n", means_m / kScannedRadius_m,
+              surface_m / kScannedRadius_m, worst_m / kScannedRadius_m);
+  EXPECT_LT(means_m, 0.997 * kScannedRadius_m);
+  EXPECT_NEAR(surface_m, kScannedRadius_m, 0.00003 * kScannedRadius_m);
+  EXPECT_LT(worst_m, 0.00012 * kScannedRadius_m);
 }
 
 }  // namespace

@@ -12,7 +12,7 @@
 namespace tubetrack {
 namespace {
 
-constexpr double kRadius_m = 0.01;
+constexpr double kStepRadius_m = 0.01;
 
 /// A bent line a little beside the surface's own, and points of the surface.
 struct Bent {
@@ -31,10 +31,10 @@ Bent bent_tube() {
   };
   for (int i = 0; i <= 20; ++i) line_m.push_back(place_m(0.1 * i, 0.001));
   Bent bent;
-  bent.model = {spline_along(line_m, kKnotSpacingRadii * kRadius_m), 0.9 * kRadius_m};
+  bent.model = {spline_along(line_m, kKnotSpacingRadii * kStepRadius_m), 0.9 * kStepRadius_m};
   for (int i = 0; i < 4000; ++i) {
     const double along_rad = 2.0 * unit(random), around_rad = 2.0 * std::numbers::pi * unit(random);
-    const double distance_m = kRadius_m + noise(random);
+    const double distance_m = kStepRadius_m + noise(random);
     const Eigen::Vector3d outward =
         std::cos(around_rad) * place_m(along_rad, 0.0).normalized() + std::sin(around_rad) * Eigen::Vector3d::UnitZ();
     Observation observation{place_m(along_rad, 0.0) + distance_m * outward, -outward, 0.0001};
@@ -48,14 +48,14 @@ TEST(ScanStep, InABandIsTheSameAsWithFullMatrices) {
   for (const bool known : {false, true}) {
     const Bent bent = bent_tube();
     FitOptions options;
-    if (known) options.radius_m = kRadius_m;
+    if (known) options.radius_m = kStepRadius_m;
     TubeModel band = bent.model, full = bent.model;
     const auto in_band = fit_scan_stretch(band, sort_by_stretch(bent.observations, band.spline), options);
     const auto in_full = fit_tube(full, bent.observations, options);
     ASSERT_TRUE(in_band && in_full);
     EXPECT_NEAR(band.radius_m, full.radius_m, 1e-12);
-    EXPECT_NEAR(band.radius_m, kRadius_m, 1e-5);
-    EXPECT_NEAR(in_band->radius_sigma_m, in_full->radius_sigma_m, 1e-9 * kRadius_m);
+    EXPECT_NEAR(band.radius_m, kStepRadius_m, 1e-5);
+    EXPECT_NEAR(in_band->radius_sigma_m, in_full->radius_sigma_m, 1e-9 * kStepRadius_m);
     const auto& q = band.spline.control_m;
     for (std::size_t k = 0; k < q.size(); ++k) {
       EXPECT_LT((q[k] - full.spline.control_m[k]).norm(), 1e-11);

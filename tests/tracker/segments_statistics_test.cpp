@@ -19,10 +19,10 @@ using test::random_chain;
 using test::rotation_error;
 using test::types_of;
 
-constexpr double kR = test::kTubeRadius_m;
+using test::kTubeRadius_m;
 constexpr double kDegree = M_PI / 180.0;
 
-struct Statistics {
+struct BendStatistics {
   int tubes = 0;
   int right = 0;
   std::vector<double> angle_deg, radius_percent, rotation_deg;
@@ -36,7 +36,7 @@ struct Statistics {
   double part_inside(int kind) const { return inside[kind] / static_cast<double>(intervals[kind]); }
 };
 
-void add(Statistics& statistics, const PartChain& truth, const CenterlineParts& parts) {
+void add(BendStatistics& statistics, const PartChain& truth, const CenterlineParts& parts) {
   ++statistics.tubes;
   if (!parts.fitted || parts.fitted->chain.bends.size() != truth.bends.size()) return;
   ++statistics.right;
@@ -62,20 +62,21 @@ double median(std::vector<double> values) {
   return values[values.size() / 2];
 }
 
-Statistics random_tubes(int each, double sigma_radii, double correlation_radii) {
-  Statistics statistics;
+BendStatistics random_tubes(int each, double sigma_radii, double correlation_radii) {
+  BendStatistics statistics;
   std::mt19937_64 random(7);
   for (std::size_t bends = 1; bends <= 6; ++bends) {
     for (int i = 0; i < each; ++i) {
-      const PartChain truth = random_chain(random, bends, kR);
-      const OwnedLine line = noisy_line(truth, kR, sigma_radii * kR, correlation_radii * kR, random);
+      const PartChain truth = random_chain(random, bends, kTubeRadius_m);
+      const OwnedLine line =
+          noisy_line(truth, kTubeRadius_m, sigma_radii * kTubeRadius_m, correlation_radii * kTubeRadius_m, random);
       add(statistics, truth, cut_into_parts(line.view()));
     }
   }
   return statistics;
 }
 
-void print(const Statistics& s) {
+void print(const BendStatistics& s) {
   std::printf(
       "right %d of %d; medians: angle %.3f deg, radius %.3f %%, rotation %.3f deg; inside 95 %%: %.3f %.3f %.3f %.3f\n",
       s.right, s.tubes, median(s.angle_deg), median(s.radius_percent), median(s.rotation_deg), s.part_inside(0),
@@ -83,7 +84,7 @@ void print(const Statistics& s) {
 }
 
 TEST(Segments, RandomTubesWithIndependentNoise) {
-  const Statistics s = random_tubes(60, 0.02, 0.0);
+  const BendStatistics s = random_tubes(60, 0.02, 0.0);
   print(s);
   EXPECT_GE(s.right, 0.995 * s.tubes);
   EXPECT_LT(median(s.angle_deg), 0.085);
@@ -93,7 +94,7 @@ TEST(Segments, RandomTubesWithIndependentNoise) {
 }
 
 TEST(Segments, RandomTubesWithNoiseThatIsSmoothAlongTheLine) {
-  const Statistics s = random_tubes(60, 0.02, 2.5);
+  const BendStatistics s = random_tubes(60, 0.02, 2.5);
   print(s);
   EXPECT_GE(s.right, 0.995 * s.tubes);
   EXPECT_LT(median(s.angle_deg), 0.17);
@@ -104,7 +105,7 @@ TEST(Segments, RandomTubesWithNoiseThatIsSmoothAlongTheLine) {
 
 TEST(Segments, TwoArcsMayTouch) {
   for (const double rotation : {0.0, 90.0, 180.0}) {
-    Statistics s;
+    BendStatistics s;
     const PartChain truth = chain_of({{8.0, 0.0, 60.0, 5.0}, {0.0, rotation, 70.0, 12.0}}, 8.0);
     for (std::uint64_t seed = 0; seed < 100; ++seed) {
       const CenterlineParts parts = cut_into_parts(line_of(truth, 0.01, 2.5, seed).view());
@@ -119,15 +120,16 @@ TEST(Segments, TwoArcsMayTouch) {
 
 /// Straights of at least 4 diameters at the ends: a short one before a wide bend is at the limit of what can be told.
 PartChain clear_chain(std::mt19937_64& random, std::size_t bends) {
-  PartChain chain = random_chain(random, bends, kR);
-  chain.bends.front().straight_m += 6.0 * kR;
-  chain.closing_m += 6.0 * kR;
+  PartChain chain = random_chain(random, bends, kTubeRadius_m);
+  chain.bends.front().straight_m += 6.0 * kTubeRadius_m;
+  chain.closing_m += 6.0 * kTubeRadius_m;
   return chain;
 }
 
 /// Whether two chains agree to a tenth of their uncertainty.
 bool same(const FittedChain& a, const PartChain& b) {
-  if (a.chain.bends.size() != b.bends.size() || (a.chain.start_m - b.start_m).norm() > 0.01 * kR) return false;
+  if (a.chain.bends.size() != b.bends.size() || (a.chain.start_m - b.start_m).norm() > 0.01 * kTubeRadius_m)
+    return false;
   for (std::size_t i = 0; i < b.bends.size(); ++i) {
     const ChainBend& x = a.chain.bends[i];
     const ChainBend& y = b.bends[i];
@@ -150,7 +152,8 @@ PartChain moved(PartChain chain, const Eigen::Isometry3d& motion) {
 TEST(Segments, MoveWithTheirLine) {
   for (std::uint64_t seed = 0; seed < 100; ++seed) {
     std::mt19937_64 random(seed);
-    OwnedLine line = noisy_line(clear_chain(random, 1 + seed % 4), kR, 0.01 * kR, 2.5 * kR, random);
+    OwnedLine line =
+        noisy_line(clear_chain(random, 1 + seed % 4), kTubeRadius_m, 0.01 * kTubeRadius_m, 2.5 * kTubeRadius_m, random);
     const CenterlineParts before = cut_into_parts(line.view());
     std::normal_distribution<double> normal;
     const Eigen::Quaterniond turn(normal(random), normal(random), normal(random), normal(random));
@@ -166,7 +169,8 @@ TEST(Segments, MoveWithTheirLine) {
 TEST(Segments, FromTheOtherEndAreTheSame) {
   for (std::uint64_t seed = 0; seed < 100; ++seed) {
     std::mt19937_64 random(seed);
-    OwnedLine line = noisy_line(clear_chain(random, 1 + seed % 4), kR, 0.01 * kR, 2.5 * kR, random);
+    OwnedLine line =
+        noisy_line(clear_chain(random, 1 + seed % 4), kTubeRadius_m, 0.01 * kTubeRadius_m, 2.5 * kTubeRadius_m, random);
     const CenterlineParts there = cut_into_parts(line.view());
     std::reverse(line.nodes_m.begin(), line.nodes_m.end());
     const CenterlineParts back = cut_into_parts(line.view());

@@ -21,20 +21,20 @@ using test::OwnedLine;
 using test::rotation_error;
 using test::types_of;
 
-constexpr double kR = test::kTubeRadius_m;
+using test::kTubeRadius_m;
 
 void expect_chain(const FittedChain& fitted, const PartChain& truth, double tolerance) {
   ASSERT_EQ(fitted.chain.bends.size(), truth.bends.size());
   for (std::size_t i = 0; i < truth.bends.size(); ++i) {
     const ChainBend& found = fitted.chain.bends[i];
     const ChainBend& expected = truth.bends[i];
-    EXPECT_NEAR(found.straight_m, expected.straight_m, tolerance * kR) << i;
-    EXPECT_NEAR(found.radius_m, expected.radius_m, tolerance * kR) << i;
+    EXPECT_NEAR(found.straight_m, expected.straight_m, tolerance * kTubeRadius_m) << i;
+    EXPECT_NEAR(found.radius_m, expected.radius_m, tolerance * kTubeRadius_m) << i;
     EXPECT_NEAR(found.angle_rad, expected.angle_rad, tolerance) << i;
     EXPECT_LT(i == 0 ? 0.0 : rotation_error(found.rotation_rad, expected.rotation_rad), tolerance) << i;
   }
-  EXPECT_NEAR(fitted.chain.closing_m, truth.closing_m, tolerance * kR);
-  EXPECT_LT((fitted.chain.start_m - truth.start_m).norm(), tolerance * kR);
+  EXPECT_NEAR(fitted.chain.closing_m, truth.closing_m, tolerance * kTubeRadius_m);
+  EXPECT_LT((fitted.chain.start_m - truth.start_m).norm(), tolerance * kTubeRadius_m);
   EXPECT_LT((fitted.chain.direction - truth.direction).norm(), tolerance);
 }
 
@@ -61,7 +61,7 @@ TEST_P(KnownTubes, WithoutNoiseComeBackAsTheyWere) {
       EXPECT_NEAR(segment.bend_radius_m * segment.bend_angle_rad, segment.to_m - segment.from_m, 1e-12);
     }
   }
-  EXPECT_NEAR(at_m, length_of(truth), 1e-4 * kR);
+  EXPECT_NEAR(at_m, length_of(truth), 1e-4 * kTubeRadius_m);
 }
 
 TEST_P(KnownTubes, WithNoiseHaveTheSameParts) {
@@ -88,24 +88,24 @@ INSTANTIATE_TEST_SUITE_P(
 /// Nodes half a radius apart along a curve.
 OwnedLine line_along(const std::function<Vector3d(double)>& curve, double to, double sigma_radii, std::uint64_t seed) {
   std::mt19937_64 random(seed);
-  std::normal_distribution<double> normal(0.0, sigma_radii * kR);
+  std::normal_distribution<double> normal(0.0, sigma_radii * kTubeRadius_m);
   OwnedLine line;
-  line.radius_m = kR;
-  line.correlation_m = 2.5 * kR;
+  line.radius_m = kTubeRadius_m;
+  line.correlation_m = 2.5 * kTubeRadius_m;
   Vector3d last = curve(0.0) - Vector3d::UnitX();
   for (int i = 0; i <= 20000; ++i) {
     const Vector3d point = curve(to * i / 20000.0);
-    if ((point - last).norm() < 0.5 * kR) continue;
+    if ((point - last).norm() < 0.5 * kTubeRadius_m) continue;
     last = point;
     line.nodes_m.emplace_back(point + Vector3d(normal(random), normal(random), normal(random)));
-    line.covariance_m2.emplace_back(std::pow(sigma_radii * kR, 2) * Eigen::Matrix3d::Identity());
+    line.covariance_m2.emplace_back(std::pow(sigma_radii * kTubeRadius_m, 2) * Eigen::Matrix3d::Identity());
   }
   return line;
 }
 
 /// Nothing in it is straight or an arc.
 Vector3d helix(double t) {
-  return kR * Vector3d(6.0 * std::cos(t), 6.0 * std::sin(t), 3.0 * t);
+  return kTubeRadius_m * Vector3d(6.0 * std::cos(t), 6.0 * std::sin(t), 3.0 * t);
 }
 
 TEST(Segments, AHelixIsFree) {
@@ -120,17 +120,19 @@ TEST(Segments, WhatIsStraightBesideAHelixStaysStraight) {
   const auto curve = [](double t) -> Vector3d {
     const double end = 2.0 * M_PI;
     if (t <= end) return helix(t);
-    return helix(end) + (t - end) * kR * Vector3d(0.0, 6.0, 3.0);
+    return helix(end) + (t - end) * kTubeRadius_m * Vector3d(0.0, 6.0, 3.0);
   };
   const CenterlineParts parts = cut_into_parts(line_along(curve, 2.0 * M_PI + 2.5, 0.01, 2).view());
   EXPECT_FALSE(parts.fitted);
   ASSERT_THAT(types_of(parts), testing::EndsWith("FS"));
   const Segment& straight = parts.segments.back();
-  EXPECT_NEAR(straight.to_m - straight.from_m, 2.5 * kR * std::hypot(6.0, 3.0), 3.0 * kR);
+  EXPECT_NEAR(straight.to_m - straight.from_m, 2.5 * kTubeRadius_m * std::hypot(6.0, 3.0), 3.0 * kTubeRadius_m);
 }
 
 TEST(Segments, AHoseIsFree) {
-  const auto curve = [](double t) { return Vector3d(t * kR, 0.03 * (t - 20.0) * (t - 20.0) * kR, 0.8); };
+  const auto curve = [](double t) {
+    return Vector3d(t * kTubeRadius_m, 0.03 * (t - 20.0) * (t - 20.0) * kTubeRadius_m, 0.8);
+  };
   const CenterlineParts parts = cut_into_parts(line_along(curve, 40.0, 0.005, 3).view());
   EXPECT_FALSE(parts.fitted);
   EXPECT_THAT(types_of(parts), testing::HasSubstr("F"));
@@ -143,7 +145,7 @@ TEST(Segments, WobbleMakesNoBends) {
       OwnedLine straight = line_of(chain_of({}, 40.0), 0.024, correlation, seed);
       OwnedLine bent = line_of(chain_of({{10.0, 0.0, 90.0, 8.0}}, 12.0), 0.024, correlation, seed);
       for (OwnedLine* line : {&straight, &bent}) {
-        line->correlation_m = 2.5 * kR;
+        line->correlation_m = 2.5 * kTubeRadius_m;
         for (Eigen::Matrix3d& covariance : line->covariance_m2) covariance /= 9.0;
       }
       EXPECT_EQ(types_of(cut_into_parts(straight.view())), "S") << seed;
@@ -160,11 +162,11 @@ TEST(Segments, HooksAtUnsureEndsAreNoBends) {
     MeasuredCenterline view = line.view();
     const std::size_t count = line.nodes_m.size();
     for (std::size_t k = 0; k < 3; ++k) {  // half a radius apart, turning by 0.5 rad
-      const double off_m = 0.25 * kR * static_cast<double>(3 - k);
+      const double off_m = 0.25 * kTubeRadius_m * static_cast<double>(3 - k);
       line.nodes_m[k] += off_m * truth.towards;
       line.nodes_m[count - 1 - k] += off_m * truth.direction;
     }
-    view.unsure_end_m = 1.5 * kR;
+    view.unsure_end_m = 1.5 * kTubeRadius_m;
     const CenterlineParts parts = cut_into_parts(view);
     EXPECT_EQ(types_of(parts), "SAS") << seed;
     ASSERT_TRUE(parts.fitted);
@@ -178,8 +180,8 @@ TEST(Segments, ATubeThatEndsInABendIsCutThere) {
   const CenterlineParts parts = cut_into_parts(line_of(truth, 0.005, 2.5, 4).view());
   ASSERT_TRUE(parts.fitted);
   ASSERT_EQ(parts.fitted->chain.bends.size(), 1U);
-  EXPECT_LE(parts.fitted->chain.closing_m, 0.5 * kR);
-  EXPECT_NEAR(length_of(parts.fitted->chain), length_of(truth), 0.05 * kR);
+  EXPECT_LE(parts.fitted->chain.closing_m, 0.5 * kTubeRadius_m);
+  EXPECT_NEAR(length_of(parts.fitted->chain), length_of(truth), 0.05 * kTubeRadius_m);
 }
 
 TEST(Segments, OfTooLittleThereAreNone) {
@@ -239,13 +241,13 @@ RC_GTEST_PROP(Segments, OfAnyFiniteLineAreFinite, (std::uint64_t seed)) {
   std::mt19937_64 random(seed);
   std::normal_distribution<double> normal;
   OwnedLine line;
-  line.radius_m = kR;
-  line.correlation_m = seed % 2 == 0 ? 0.0 : 2.5 * kR;
+  line.radius_m = kTubeRadius_m;
+  line.correlation_m = seed % 2 == 0 ? 0.0 : 2.5 * kTubeRadius_m;
   const std::size_t count = 3 + random() % 60;
-  const double spread_m = kR * std::pow(10.0, normal(random));
+  const double spread_m = kTubeRadius_m * std::pow(10.0, normal(random));
   for (std::size_t i = 0; i < count; ++i) {
     line.nodes_m.emplace_back(spread_m * Vector3d(normal(random), normal(random), normal(random)));
-    line.covariance_m2.emplace_back(std::pow(0.01 * kR * normal(random), 2) * Eigen::Matrix3d::Identity());
+    line.covariance_m2.emplace_back(std::pow(0.01 * kTubeRadius_m * normal(random), 2) * Eigen::Matrix3d::Identity());
   }
   const CenterlineParts parts = cut_into_parts(line.view());
   for (const Segment& segment : parts.segments) {

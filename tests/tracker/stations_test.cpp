@@ -20,12 +20,11 @@ namespace {
 
 using Eigen::Vector3d;
 
-const Intrinsics kCamera{640, 480, 570.0, 570.0, 319.5, 239.5, {}};
-constexpr double kRadius_m = 0.03;
+constexpr double kSeenRadius_m = 0.03;
 
 /// The noisy view of a straight tube with readings that are missing, another tube's, nearer and farther.
 HeightMap noisy_map(const Vector3d& middle, const Vector3d& axis) {
-  HeightMap map = cylinder_map(kCamera, middle, axis, 0.1, kRadius_m);
+  HeightMap map = cylinder_map(kVga, middle, axis, 0.1, kSeenRadius_m);
   std::mt19937_64 random(4);
   std::normal_distribution<float> gauss(0.0F, 0.003F);
   for (float& depth_m : map.depth_m) {
@@ -66,7 +65,7 @@ TEST(Stations, HoldBitForBitWhatPixelByPixelGives) {
   for (const Vector3d& along : {Vector3d(1.0, 0.3, 0.15), Vector3d(0.1, 1.0, -0.2)}) {
     const Vector3d axis = along.normalized();
     const HeightMap map = noisy_map(middle, axis);
-    const TubeModel model = straight_model(middle, axis, 0.1, 1.01 * kRadius_m);
+    const TubeModel model = straight_model(middle, axis, 0.1, 1.01 * kSeenRadius_m);
     for (const int stride : {1, 3}) {
       const PredictedPixels pixels = predict_pixels(map, NoiseModel{}, model, stride);
       const std::size_t count = 57;

@@ -11,6 +11,8 @@
 
 namespace tubetrack {
 
+inline const Intrinsics kVga{640, 480, 570.0, 570.0, 319.5, 239.5, {}};
+
 /// A centreline's point and unit tangent.
 struct AxisPoint {
   Eigen::Vector3d position_m = Eigen::Vector3d::Zero();

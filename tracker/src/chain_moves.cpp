@@ -15,7 +15,7 @@ constexpr double kDoubtfulSigmas = 6.0;
 // Bends whose planes differ by more than this are never one.
 constexpr double kDoubtfulRotation_rad = 0.8;
 
-double wrapped(double angle_rad) {
+double within_half_turn(double angle_rad) {
   return std::remainder(angle_rad, 2.0 * M_PI);
 }
 
@@ -79,7 +79,7 @@ RecycledVector<PartChain> simpler_chains(const FittedChain& fitted) {
     if (chain.bends[i].straight_m > 0.0 && away < kDoubtfulSigmas) add(away, touching(chain, i));
     if (i + 1 == chain.bends.size()) break;
     const ChainBend& next = chain.bends[i + 1];
-    const double rotation_rad = std::abs(wrapped(next.rotation_rad));
+    const double rotation_rad = std::abs(within_half_turn(next.rotation_rad));
     const double apart = std::max(in_sigmas(next.straight_m, fitted.sigma[i + 1].straight_m),
                                   in_sigmas(rotation_rad, fitted.sigma[i + 1].rotation_rad));
     if (apart < kDoubtfulSigmas && rotation_rad < kDoubtfulRotation_rad) add(apart, merged(chain, i));

@@ -26,7 +26,7 @@ constexpr double kUnmoved = 0.002;
 constexpr double kVague = 0.05;
 
 /// The motion from where a model is to where the frame sees it; empty where it sees too little to tell.
-std::optional<MotionEstimate> motion_seen(const FollowedTube& tube, const TubeModel& model, const View& view) {
+std::optional<MotionEstimate> motion_seen(const FollowedTube& tube, const TubeModel& model, const FrameView& view) {
   if (view.all.used < 20) return std::nullopt;
   MotionEstimate motion = estimate_motion(model, view.all.matrix, view.all.right, tube.radius_information);
   const Eigen::Vector3d axis = derivative_at(model.spline, 0.5 * (tube.extent.t_begin + tube.extent.t_end));
@@ -62,7 +62,7 @@ void learn_velocity(FollowedTube& tube, const Twist& off, double elapsed_s) {
 /// Goes over from rest to motion and back. `model` starts where the tube is expected and ends where the frame sees it,
 /// or so near that one step of the fit goes there, with its pixels predicted and what the frame says of it in `view`.
 bool judge_motion(FollowedTube& tube, const HeightMap& map, const TrackerConfig& config, TubeModel& model,
-                  double elapsed_s, View& view) {
+                  double elapsed_s, FrameView& view) {
   if (!tube.at_rest || !has_pixels_of(tube, model)) predict(tube, map, config, model);
   view = view_of(tube, map, config, model, kFitGate, 0.5);
   const auto first = motion_seen(tube, model, view);
@@ -156,7 +156,7 @@ void follow_tube(FollowedTube& tube, const HeightMap& map, const TrackerConfig& 
   if (!tube.at_rest) move(expected, during(tube.velocity, elapsed_s));
   FollowedTube before = set_aside(tube);
   TubeModel model = expected;
-  View view;
+  FrameView view;
   bool fitted = judge_motion(tube, map, config, model, elapsed_s, view);
   if (fitted) {
     fitted = fit_once(tube, config, model, std::move(view), tube.at_rest ? tube.pooled : radius_only(tube),

@@ -10,6 +10,7 @@
 #include "motion.hpp"
 #include "observe.hpp"
 #include "pool.hpp"
+#include "tube_result.hpp"
 #include "tubetrack/tracker/predict.hpp"
 #include "tubetrack/tracker/stations.hpp"
 
@@ -17,10 +18,9 @@ namespace tubetrack {
 
 namespace {
 
-constexpr double kRoundness = 3e-4;
 constexpr double kStraight = 0.003;  // radii, far below the noise of a reading
 
-FitOptions fit_options(const TrackerConfig& config, const FollowedTube& tube, const Information* prior) {
+FitOptions frame_fit_options(const TrackerConfig& config, const FollowedTube& tube, const Information* prior) {
   FitOptions options;
   options.radius_m = config.radius_m ? config.radius_m : tube.held_radius_m;
   options.varying_radius = config.varying_radius;
@@ -37,14 +37,14 @@ void predict(FollowedTube& tube, const HeightMap& map, const TrackerConfig& conf
   tube.predicted = model;
 }
 
-View view_of(const FollowedTube& tube, const HeightMap& map, const TrackerConfig& config, const TubeModel& model,
-             double near_radii, double far_radii) {
+FrameView view_of(const FollowedTube& tube, const HeightMap& map, const TrackerConfig& config, const TubeModel& model,
+                  double near_radii, double far_radii) {
   const Gates gates{near_radii * model.radius_m, far_radii * model.radius_m, 4.0};
   thread_local Sighting sighting;  // for its buffers
   observe(map, config.noise, model.spline, tube.pixels, gates,
           {tube.extent.t_begin + tube.trim.at_begin, tube.extent.t_end - tube.trim.at_end}, sighting);
-  const bool free_radius = !fit_options(config, tube, nullptr).radius_m;
-  View view{observed_equations(model, sighting.near, free_radius), {}, {}};
+  const bool free_radius = !frame_fit_options(config, tube, nullptr).radius_m;
+  FrameView view{observed_equations(model, sighting.near, free_radius), {}, {}};
   if (config.varying_radius) view.readings = sighting.near;
   if (far_radii <= near_radii) return view;
   view.all = observed_equations(model, sighting.far, free_radius);
@@ -52,9 +52,9 @@ View view_of(const FollowedTube& tube, const HeightMap& map, const TrackerConfig
   return view;
 }
 
-bool fit_once(FollowedTube& tube, const TrackerConfig& config, TubeModel& model, View view, const Information& prior,
-              const ProfileInformation* profile_prior, bool want_covariance) {
-  FitOptions options = fit_options(config, tube, &prior);
+bool fit_once(FollowedTube& tube, const TrackerConfig& config, TubeModel& model, FrameView view,
+              const Information& prior, const ProfileInformation* profile_prior, bool want_covariance) {
+  FitOptions options = frame_fit_options(config, tube, &prior);
   options.want_covariance = want_covariance;
   options.profile_prior = profile_prior;
   options.prior_has_places = tube.at_rest;

@@ -19,19 +19,19 @@ bool is_stale(const FollowedTube& tube, const TubeModel& model);
 
 /// What the frame says of a model whose pixels the tube has: those near it, which are fitted, and all about it, by
 /// which it is found again.
-struct View {
+struct FrameView {
   ObservedEquations near, all;
   SortedObservations readings;  ///< those near it, where the radius may vary
 };
 
 /// Of the stretch that is known, short of its ends: what lies there may be the end's own face, or what it touches. A
 /// short piece gives up a tenth at either end. `all` is empty where far_radii is no more than near_radii.
-View view_of(const FollowedTube& tube, const HeightMap& map, const TrackerConfig& config, const TubeModel& model,
-             double near_radii, double far_radii);
+FrameView view_of(const FollowedTube& tube, const HeightMap& map, const TrackerConfig& config, const TubeModel& model,
+                  double near_radii, double far_radii);
 
 /// One step from a model that is near, to `model` and the tube's `quality`. False where it breaks down.
-bool fit_once(FollowedTube& tube, const TrackerConfig& config, TubeModel& model, View view, const Information& prior,
-              const ProfileInformation* profile_prior, bool want_covariance);
+bool fit_once(FollowedTube& tube, const TrackerConfig& config, TubeModel& model, FrameView view,
+              const Information& prior, const ProfileInformation* profile_prior, bool want_covariance);
 
 /// The fitted model becomes the tube's.
 void take_model(FollowedTube& tube, TubeModel model, const TrackerConfig& config);

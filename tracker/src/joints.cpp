@@ -11,7 +11,7 @@ namespace tubetrack {
 namespace {
 
 constexpr double kReachRadii = 3.0;      // of the end that runs on, to the other's surface
-constexpr double kAhead = 0.64;          // cosine of 50°
+constexpr double kCosAhead = 0.64;       // cosine of 50°
 constexpr double kOwnEndRadii = 1.5;     // so near to its end a tube is met at its end
 constexpr double kDirectionRadii = 2.0;  // an end's direction is that of so much of it
 
@@ -51,7 +51,7 @@ std::optional<Meeting> meeting_of(const OpenEnd& end, std::span<const Tube> tube
       const Eigen::Vector3d way_m = tube.centerline_m[node] - end.position_m;
       const double gap_m = way_m.norm() - tube.radius_m;
       // An end within another tube meets it wherever it points: a line may turn where bodies run into each other.
-      const bool ahead = way_m.dot(end.outward) >= kAhead * way_m.norm();
+      const bool ahead = way_m.dot(end.outward) >= kCosAhead * way_m.norm();
       if (gap_m > kReachRadii * radius_m || (gap_m > 0.0 && !ahead)) continue;
       if (!best || gap_m < best->gap_m) best = Meeting{other, node, gap_m};
     }

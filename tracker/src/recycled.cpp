@@ -12,7 +12,7 @@ constexpr std::size_t kLeastBits = 6;  // blocks are of 2^6 bytes and more, so t
 constexpr std::size_t kMostBits = 26;  // 64 MB; what is larger is the system's
 // Of small blocks, to 512 bytes, some are taken ahead: how many are in use at once varies a little.
 constexpr std::size_t kSmallBits = 9;
-constexpr int kAhead = 15;
+constexpr int kSparesAhead = 15;
 constexpr std::align_val_t kAlignment{64};
 
 // Sanitizers see what is used after it was given back only where it really is freed.
@@ -64,7 +64,7 @@ void* take_memory(std::size_t bytes) {
   Spare** const spares = spares_of(bits);
   if (spares && *spares) return std::exchange(*spares, (*spares)->next);
   if (spares && bits <= kSmallBits) {
-    for (int i = 0; i < kAhead; ++i) *spares = new (::operator new(size, kAlignment)) Spare{*spares};
+    for (int i = 0; i < kSparesAhead; ++i) *spares = new (::operator new(size, kAlignment)) Spare{*spares};
   }
   return ::operator new(size, kAlignment);
 }

@@ -20,7 +20,7 @@ namespace {
 constexpr double kStationRadii = 0.5;
 constexpr double kAgreeRadii = 0.2, kMostAgreeRadii = 0.25, kAgreeSigmas = 3.0;
 constexpr double kAgreeFacing = 0.85;  // 32°
-constexpr double kMaxGapRadii = 3.0;
+constexpr double kUnseenRadii = 3.0;
 
 /// Axes across the line at each station, carried along without a turn.
 std::vector<SectionAxes> frames_along(const Spline& spline, const std::vector<ScanStation>& stations) {
@@ -66,7 +66,7 @@ void set_arcs(const Sections& sections, double min_arc_rad, std::vector<ScanStat
 
 /// First and last station of the run with the most seen ones; (1, 0) for none.
 std::pair<std::size_t, std::size_t> best_run(const std::vector<ScanStation>& stations) {
-  const auto max_gap = static_cast<std::size_t>(kMaxGapRadii / kStationRadii);
+  const auto max_gap = static_cast<std::size_t>(kUnseenRadii / kStationRadii);
   std::pair<std::size_t, std::size_t> best{1, 0}, run{1, 0};
   int best_count = 0, count = 0;
   for (std::size_t i = 0; i < stations.size(); ++i) {
@@ -342,7 +342,7 @@ std::optional<std::string> why_no_scan_tube(const ScanEvidence& evidence, double
   constexpr double kLeastSupport = 0.6, kMostTaper = 0.08;
   // Where normals point all around the section may be an oval, as a vessel's is (axes 1 : 1.5); those of a square bar
   // point four ways. A section of few flat sides stands off the circle, and one of few points is uneven.
-  constexpr double kAllAround_rad = 4.2, kMostOval = 0.15, kMostOutOfRound = 0.07, kMostFlat = 0.08;
+  constexpr double kMostOval = 0.15, kMostOutOfRound = 0.07, kMostFlat = 0.08;
   const double sides = std::min(kMostFlat, 0.25 * evidence.spacing_radii);
   const bool all_around = evidence.arc_rad > kAllAround_rad;
   const double out_of_round = all_around ? kMostOval : kMostOutOfRound + sides;

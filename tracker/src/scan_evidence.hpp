@@ -11,6 +11,9 @@
 
 namespace tubetrack {
 
+/// A section seen over more than this is seen from all sides.
+constexpr double kAllAround_rad = 4.2;
+
 /// What the surfels say of a stretch of a tube, about half a radius long.
 struct ScanStation {
   double t = 0.0;         ///< its middle

@@ -64,8 +64,8 @@ struct Observed {
   }
   /// 1/σ²: with the robust one, (1 + far²)⁻².
   double weight(std::uint32_t i) const {
-    constexpr double kTuning = 3.0;  // a residual of 3 σ counts a quarter
-    const double far = (static_cast<double>(points[i].distance_m) - radius_m) / (kTuning * scale_m);
+    constexpr double kDoubtful = 3.0;  // a residual of 3 σ counts a quarter
+    const double far = (static_cast<double>(points[i].distance_m) - radius_m) / (kDoubtful * scale_m);
     const double area = std::max(1e-3, per_area * static_cast<double>(grid.surfels[points[i].surfel].weight));
     const double sigma_m = scale_m * (1.0 + far * far);
     return area / (sigma_m * sigma_m);

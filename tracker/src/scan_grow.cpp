@@ -10,7 +10,6 @@ namespace {
 
 constexpr int kMaxRounds = 64;
 constexpr double kLeastScaleSteps = 0.02;
-constexpr double kAllAround_rad = 4.2;  // of a section: it is seen from all sides
 // So far from an octave's radii a seed's may be, and a tube's, which may get thicker or thinner.
 constexpr double kSeedBelow = 0.9, kSeedAbove = 1.1, kTubeBelow = 0.75, kTubeAbove = 1.33;
 

@@ -46,7 +46,7 @@ double radius_near(const ScanEvidence& evidence, double t, double otherwise_m) {
 /// Fills in node_radius_m where the radius varies along the tube: by more than a tenth, and seen from all around, or a
 /// bend of a half-seen tube would be taken for it.
 void add_node_radii(const ScanTube& found, Tube& tube) {
-  constexpr double kVaries = 0.1, kAllAround_rad = 4.2;
+  constexpr double kVaries = 0.1;
   if (found.evidence.arc_rad < kAllAround_rad) return;
   std::vector<double> radii_m;
   const double begin = found.evidence.t_begin, end = found.evidence.t_end;

@@ -11,7 +11,7 @@ namespace tubetrack {
 
 namespace {
 
-constexpr int kFewest = 20;  // observations
+constexpr int kFewestObservations = 20;  // observations
 
 struct ScanEquations {
   BandMatrix matrix;
@@ -123,7 +123,7 @@ std::optional<ScanStepQuality> take_scan_step(TubeModel& model, const SortedObse
                                               const FitOptions& options, bool want_covariance) {
   const bool free_radius = !options.radius_m;
   ScanEquations eq = observed_by(sum_stretches(model, observations), model, free_radius);
-  if (eq.used < kFewest) return std::nullopt;
+  if (eq.used < kFewestObservations) return std::nullopt;
   add_priors(model, free_radius, eq);
   const BandSolver solver(eq.matrix);
   if (!solver.ok()) return std::nullopt;
@@ -144,7 +144,7 @@ std::optional<ScanStepQuality> take_scan_step(TubeModel& model, const SortedObse
 std::optional<ScanStepQuality> fit_scan_stretch(TubeModel& model, const SortedObservations& observations,
                                                 const FitOptions& options) {
   if (options.radius_m) model.radius_m = *options.radius_m;
-  if (observations.count < kFewest) return std::nullopt;
+  if (observations.count < kFewestObservations) return std::nullopt;
   std::optional<ScanStepQuality> quality;
   for (int step = 1; step <= options.gauss_newton_steps; ++step) {
     quality =

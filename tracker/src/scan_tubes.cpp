@@ -16,7 +16,7 @@ namespace tubetrack {
 
 namespace {
 
-constexpr int kMinVotes = 6 * kVotesPerCell;
+constexpr int kMinScanVotes = 6 * kVotesPerCell;
 constexpr int kMaxFailures = 64;  // of the seeds of one octave
 // Cells of the surfels that a tube is grown on and fitted to at last, of its radius.
 constexpr double kGrowCellRadii = 0.45, kFitCellRadii = 0.3;
@@ -128,9 +128,9 @@ void search_octave(const Octave& octave, const ScanLevels& levels, const ScanTub
   const double near_m = std::max(2.0 * octave.cell_m, 0.3 * octave.radius_min_m);
   std::vector<Eigen::Vector3d> failed_m, line_m;
   int failures = 0;
-  for (const VoxelIndex& peak : votes.peaks(kMinVotes, 1)) {
+  for (const VoxelIndex& peak : votes.peaks(kMinScanVotes, 1)) {
     if (failures >= kMaxFailures) break;
-    if (votes.box_votes(peak, 1) < kMinVotes || lies_near(failed_m, votes.center_of(peak), near_m)) continue;
+    if (votes.box_votes(peak, 1) < kMinScanVotes || lies_near(failed_m, votes.center_of(peak), near_m)) continue;
     watch.lap(times.trace_ms);
     line_m.clear();
     auto tube = tube_at(votes, peak, octave, own, levels, taken, config, line_m);

@@ -15,14 +15,14 @@ namespace tubetrack {
 
 namespace {
 
-constexpr double kHook = 1.0;  // spans at an end that may be bent
+constexpr double kBentEnd = 1.0;  // spans at an end that may be bent
 
 /// Goes on along what the image confirms until so many rounds brought nothing more, or none without a bend that no tube
 /// has.
 void lengthen(FollowedTube& tube, const HeightMap& map, const TrackerConfig& config, int patience) {
-  constexpr int kMaxRounds = 40;
+  constexpr int kMostRounds = 40;
   int stalled = 0;
-  for (int round = 0; round < kMaxRounds && stalled < patience; ++round) {
+  for (int round = 0; round < kMostRounds && stalled < patience; ++round) {
     FollowedTube longer = tube;
     fit_spline_to_extent(longer);
     if (!fit_to_frame(longer, map, config, longer.model)) return;
@@ -90,8 +90,8 @@ void pool_without_ends(FollowedTube& tube, const HeightMap& map, const TrackerCo
   // From ends that were bent into hooks the prior, which takes large bends for granted, would not come back.
   TubeModel start = tube.model;
   const bool hooks_at_begin = tube.trim.at_begin > 0.0, hooks_at_end = tube.trim.at_end > 0.0;
-  continue_from(start.spline, hooks_at_begin ? tube.extent.t_begin + kHook : -1.0,
-                hooks_at_end ? tube.extent.t_end - kHook : tube.model.spline.spans() + 1.0);
+  continue_from(start.spline, hooks_at_begin ? tube.extent.t_begin + kBentEnd : -1.0,
+                hooks_at_end ? tube.extent.t_end - kBentEnd : tube.model.spline.spans() + 1.0);
   if (!fit_to_frame(without, map, config, std::move(start))) return;
   const TurnedEnds faces = turned_to_camera(tube.model.spline, tube.extent);
   // Where the ends tell much of the radius, that they bend the line costs less than leaving them out.

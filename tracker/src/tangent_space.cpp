@@ -15,7 +15,7 @@ namespace {
 // A tangent is the slope of the nodes within this many radii to either side.
 constexpr double kHalfWindowRadii = 0.75;
 // Angles are not trusted farther than nodes this far off, in radii: the window rounds off where a bend begins.
-constexpr double kFloorRadii = 0.02;
+constexpr double kLeastOffRadii = 0.02;
 // What a further piece costs, in χ²: its numbers and its place.
 constexpr double kStraightCost = 8.0;
 constexpr double kArcCost = 18.0;
@@ -33,7 +33,7 @@ struct Sums {
 };
 
 /// A line in tangent space: angle = mean + slope · (along − middle).
-struct Piece {
+struct TangentPiece {
   bool arc = false;
   std::size_t from = 0, to = 0;  ///< samples, half open
   double middle_m = 0.0;
@@ -66,8 +66,8 @@ double cost_of(const Sums& sums, bool arc) {
   return about_mean - (sums.sy - sums.s * sums.y / sums.weight).squaredNorm() / spread;
 }
 
-Piece piece_of(const Sums& sums, bool arc, std::size_t from, std::size_t to) {
-  Piece piece{arc, from, to, sums.s / sums.weight, sums.y / sums.weight};
+TangentPiece piece_of(const Sums& sums, bool arc, std::size_t from, std::size_t to) {
+  TangentPiece piece{arc, from, to, sums.s / sums.weight, sums.y / sums.weight};
   const double spread = sums.ss - sums.s * piece.middle_m;
   if (arc && spread > 0.0) piece.slope_rad_m = (sums.sy - sums.s * piece.mean_rad) / spread;
   return piece;
@@ -81,7 +81,7 @@ struct Best {
 };
 
 /// The cheapest cut, by dynamic programming over where pieces end. Two straights never touch: between them is a bend.
-RecycledVector<Piece> cut(const RecycledVector<TangentSpace::Sample>& samples, double overcount, double thrift) {
+RecycledVector<TangentPiece> cut(const RecycledVector<TangentSpace::Sample>& samples, double overcount, double thrift) {
   const RecycledVector<Sums> sums = running_sums(samples);
   const std::size_t count = samples.size();
   RecycledVector<std::array<Best, 2>> best(count + 1);
@@ -98,7 +98,7 @@ RecycledVector<Piece> cut(const RecycledVector<TangentSpace::Sample>& samples, d
       if (arc < best[to][1].cost) best[to][1] = {arc, from, arc_before};
     }
   }
-  RecycledVector<Piece> pieces;
+  RecycledVector<TangentPiece> pieces;
   bool arc = best[count][1].cost < best[count][0].cost;
   for (std::size_t to = count; to > 0;) {
     const Best& last = best[to][arc ? 1 : 0];
@@ -111,7 +111,7 @@ RecycledVector<Piece> cut(const RecycledVector<TangentSpace::Sample>& samples, d
 }
 
 /// Where two neighbouring pieces meet: where their lines are nearest to each other, but within them.
-double meeting_m(const Piece& a, const Piece& b, double between_m) {
+double meeting_m(const TangentPiece& a, const TangentPiece& b, double between_m) {
   const Eigen::Vector2d slope = b.slope_rad_m - a.slope_rad_m;
   const Eigen::Vector2d off = b.at(between_m) - a.at(between_m);
   if (!(slope.squaredNorm() > 0.0)) return between_m;
@@ -129,7 +129,7 @@ Eigen::Vector3d slope_at(const MeasuredCenterline& line, std::size_t node, std::
     squares += 2.0 * step * step;
     variance += (line.covariance_m2[node + k].trace() + line.covariance_m2[node - k].trace()) / 6.0;
   }
-  const double floor_m = kFloorRadii * line.radius_m;
+  const double floor_m = kLeastOffRadii * line.radius_m;
   variance = variance / static_cast<double>(half) + floor_m * floor_m;
   const double spacing_m = sum.norm() / squares;
   weight = squares * spacing_m * spacing_m / variance;
@@ -143,8 +143,8 @@ Eigen::Vector3d carried(const Eigen::Vector3d& vector, const Eigen::Vector3d& fr
   return vector - vector.dot(to) / (1.0 + cosine) * (from + to);
 }
 
-PartChain chain_of(const TangentSpace& space, const RecycledVector<Piece>& pieces, const MeasuredCenterline& line,
-                   double length_m) {
+PartChain chain_of(const TangentSpace& space, const RecycledVector<TangentPiece>& pieces,
+                   const MeasuredCenterline& line, double length_m) {
   PartChain chain;
   const Eigen::Vector2d first = pieces.front().at(pieces.front().arc ? 0.0 : pieces.front().middle_m);
   const Eigen::Vector3d turned = first[0] * space.across[0] + first[1] * space.across[1];
@@ -154,7 +154,7 @@ PartChain chain_of(const TangentSpace& space, const RecycledVector<Piece>& piece
   double at_m = 0.0;
   double plane_rad = 0.0;
   for (std::size_t k = 0; k < pieces.size(); ++k) {
-    const Piece& piece = pieces[k];
+    const TangentPiece& piece = pieces[k];
     if (!piece.arc) continue;
     const auto boundary = [&](std::size_t i) {
       const auto& samples = space.samples;

@@ -12,7 +12,6 @@ namespace tubetrack {
 
 namespace {
 
-constexpr double kRoundness = 3e-4;  // one σ, of the radius: no tube is rounder
 constexpr double kCornerCut = 0.01;  // of the spline's third difference
 // Of a tube out of sight, one σ: how fast one at rest may creep, and by how much one in motion may change its speed.
 constexpr double kUnseenCreep_m_s = 0.001;

@@ -5,6 +5,9 @@
 
 namespace tubetrack {
 
+/// One σ, of the radius: no tube is rounder.
+constexpr double kRoundness = 3e-4;
+
 /// A followed tube as a result: nodes about half a radius apart along its extent, in the camera frame.
 /// Writes over the last frame's result, whose memory is used again.
 void set_result(const FollowedTube& followed, const HeightMap& map, Tube& tube);
