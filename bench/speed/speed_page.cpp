@@ -37,17 +37,20 @@ constexpr const char* kNextFactor =
 - **still**: a third is to read the frame in, which memory bounds more than arithmetic (leaving stores out and reading
   ahead changed nothing), half to predict, choose and fit the tube's pixels. Next: fit a tube that is at rest to every
   second row and column, as its place is pooled over frames anyway.
-- **moving tube**: two fifths are surfels, whose arithmetic goes by cell and size of window. Next: fewer cells, by
-  marking columns 8 px apart in place of 16.
+- **moving tube**: two fifths are surfels, whose arithmetic goes by cell and size of window. Next: changed tiles taken
+  in turns, half of them a frame (what is known there as its place a frame ago must not vote); fewer cells, by marking
+  columns 8 px apart in place of 16; the first placing with every other row.
 - **moving camera**: all is new in every frame, so half of the rows are searched a frame. Next: records that move with
   the poses, so that only what comes into view is new.
-- **first frames**: most of a tube is traced before it is grown, but five rounds predict and fit all of it until nothing
-  moves, and of a first frame without tubes a third is surfels. Next: fewer rounds.
-- **fit for 1,000 pixels**: its goal is 30 ns a pixel, in which each is predicted two or three times, compared, chosen
+- **first frames**: most of a tube is traced before it is grown, but some rounds predict and fit all of it until nothing
+  moves, neighbours are fitted again without each other's pixels, and surfels, votes and the frame itself alone take
+  a third. Next: what docs/open.md names.
+- **fit for 1,000 pixels**: its goal is 30 ns a pixel, in which each is predicted once or twice, compared, chosen
   and summed into the normal equations, and evidence is gathered. Next: fewer pixels, as above; each second one costs
   σ · √2 where noise is what limits.
 - **4.5 floor passes**: where the goal was set a floor pass took 0.64 ms, so they were 2.9 ms. Here the compiler
-  vectorises it, and they are 1 ms.
+  vectorises it, and it takes less. OpenCV's FALS took 2.4 ms there: how long it takes here, below, says how this machine
+  compares.
 )";
 
 std::string head(const SpeedReport& report, const SpeedAbout& about) {
