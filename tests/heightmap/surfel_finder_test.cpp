@@ -15,14 +15,14 @@ namespace {
 using Eigen::Vector3d;
 
 TEST(SurfelFinder, FindsWhatTheSlowOneFinds) {
-  Intrinsics distorted = kCamera;
+  Intrinsics distorted = kStreamCamera;
   distorted.distortion = {0.1, -0.05, 0.001, -0.002, 0.02};
   struct Case {
     Intrinsics camera;
     double hole_share;
     double noise_scale;
   };
-  for (const Case& c : {Case{kCamera, 0.0, 1.0}, Case{kCamera, 0.1, 0.0}, Case{kCamera, 0.3, 1.0},
+  for (const Case& c : {Case{kStreamCamera, 0.0, 1.0}, Case{kStreamCamera, 0.1, 0.0}, Case{kStreamCamera, 0.3, 1.0},
                         Case{distorted, 0.0, 1.0}, Case{distorted, 0.1, 1.0}}) {
     Stream stream;
     stream.camera = c.camera;

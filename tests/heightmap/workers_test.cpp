@@ -54,7 +54,7 @@ TEST(Workers, AnyNumberOfThemMakesTheSameMapAndTheSameSurfels) {
     Workers workers(count);
     Stream stream;
     stream.hole_share = 0.02;
-    HeightMap map = make_height_map(kCamera);
+    HeightMap map = make_height_map(kStreamCamera);
     SurfelFinder finder;
     std::vector<Surfel> all;
     for (int frame = 0; frame < kFrames; ++frame) {
