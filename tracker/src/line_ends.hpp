@@ -21,8 +21,8 @@ TurnedEnds turned_to_camera(const Spline& spline, const Extent& extent);
 
 /// How far short of the ends of an extent a line is fitted, in spans: an end that is turned toward the camera may show
 /// its own face. A short piece gives up a tenth there, and what is seen only little beyond a gap half of that, or the
-/// line would run on across the gap with nothing to hold it. All other ends are fitted to the last reading: what is left
-/// out has to be guessed, and a guessed end is several times as far off as a seen one.
+/// line would run on across the gap with nothing to hold it. All other ends are fitted to the last reading: what is
+/// left out has to be guessed, and a guessed end is several times as far off as a seen one.
 EndTrim trim_of(const Spline& spline, const RecycledVector<Station>& stations, const Extent& extent);
 
 /// Is nine tenths of an extent seen, and from either end four spans and more without a gap?
