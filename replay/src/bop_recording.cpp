@@ -7,6 +7,7 @@
 #include <nlohmann/json.hpp>
 
 #include "recorded_sequence.hpp"
+#include "refusal.hpp"
 #include "text_lines.hpp"
 
 namespace tubetrack {
@@ -15,22 +16,17 @@ namespace {
 
 constexpr double kMetresPerMillimetre = 0.001;
 
-/// Carries the text of a refusal up to read_bop_recording, no farther.
-struct BopRefusal {
-  std::string text;
-};
-
 template <std::size_t N>
 std::array<double, N> numbers(const nlohmann::json& entry, const std::string& key) {
   const auto found = entry.find(key);
   if (found == entry.end() || !found->is_array() || found->size() != N) {
-    throw BopRefusal{
+    throw Refusal{
         fmt::format("{}: got {}, takes {} numbers", key, found == entry.end() ? "nothing" : found->dump(), N)};
   }
   std::array<double, N> values{};
   for (std::size_t i = 0; i < N; ++i) {
     if (!(*found)[i].is_number())
-      throw BopRefusal{fmt::format("{}[{}]: got {}, takes a number", key, i, (*found)[i].dump())};
+      throw Refusal{fmt::format("{}[{}]: got {}, takes a number", key, i, (*found)[i].dump())};
     values[i] = (*found)[i].template get<double>();
   }
   return values;
@@ -44,7 +40,7 @@ CameraInfo camera_of(const nlohmann::json& entry) {
   camera.intrinsics.fy_px = k[4];
   camera.intrinsics.cy_px = k[5];
   if (const auto scale = entry.find("depth_scale"); scale != entry.end()) {
-    if (!scale->is_number()) throw BopRefusal{fmt::format("depth_scale: got {}, takes mm per unit", scale->dump())};
+    if (!scale->is_number()) throw Refusal{fmt::format("depth_scale: got {}, takes mm per unit", scale->dump())};
     camera.metres_per_unit = scale->get<double>() * kMetresPerMillimetre;
   }
   return camera;
@@ -57,7 +53,7 @@ std::optional<Eigen::Isometry3d> pose_of(const nlohmann::json& entry) {
   const auto t = numbers<3>(entry, "cam_t_w2c");
   const Eigen::Matrix3d rotation = Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(r.data());
   if (!((rotation * rotation.transpose()).isIdentity(1e-3) && rotation.determinant() > 0.0)) {
-    throw BopRefusal{
+    throw Refusal{
         fmt::format("cam_R_w2c: got determinant {:g}, takes a rotation matrix by rows", rotation.determinant())};
   }
   Eigen::Isometry3d camera_from_world = Eigen::Isometry3d::Identity();
@@ -71,13 +67,13 @@ void require_same(const CameraInfo& a, const CameraInfo& b) {
   const auto& p = a.intrinsics;
   const auto& q = b.intrinsics;
   if (p.fx_px != q.fx_px || p.fy_px != q.fy_px || p.cx_px != q.cx_px || p.cy_px != q.cy_px) {
-    throw BopRefusal{
+    throw Refusal{
         fmt::format("cam_K: got fx,fy,cx,cy {:g},{:g},{:g},{:g} after {:g},{:g},{:g},{:g}; takes one camera "
                     "for all images: split the scene",
                     q.fx_px, q.fy_px, q.cx_px, q.cy_px, p.fx_px, p.fy_px, p.cx_px, p.cy_px)};
   }
   if (a.metres_per_unit != b.metres_per_unit) {
-    throw BopRefusal{"depth_scale: differs from the images before; takes one scale for all images: split the scene"};
+    throw Refusal{"depth_scale: differs from the images before; takes one scale for all images: split the scene"};
   }
 }
 
@@ -90,12 +86,12 @@ std::filesystem::path image_path(const std::filesystem::path& folder, long id) {
 
 /// The keys are image numbers as text; the frames come in the order of the numbers.
 std::map<long, nlohmann::json> entries_of(const nlohmann::json& root) {
-  if (!root.is_object() || root.empty()) throw BopRefusal{"takes an object with one entry an image, and at least one"};
+  if (!root.is_object() || root.empty()) throw Refusal{"takes an object with one entry an image, and at least one"};
   std::map<long, nlohmann::json> entries;
   for (const auto& [key, entry] : root.items()) {
     const auto id = parse_number(key);
     if (!id || *id < 0 || *id > 999999999 || !entry.is_object()) {
-      throw BopRefusal{fmt::format("got key \"{}\", takes image numbers with an object each", key)};
+      throw Refusal{fmt::format("got key \"{}\", takes image numbers with an object each", key)};
     }
     entries[static_cast<long>(*id)] = entry;
   }
@@ -112,8 +108,8 @@ void read_entries(const nlohmann::json& root, RecordedSequence& sequence) {
       const double timestamp_s = static_cast<double>(sequence.frames.size()) / kAssumedFramesPerSecond;
       sequence.frames.push_back({image_path(sequence.path, id), timestamp_s, pose,
                                  fmt::format("{}: image {}", sequence.camera_file.string(), id)});
-    } catch (const BopRefusal& refusal) {
-      throw BopRefusal{fmt::format("image {}: {}", id, refusal.text)};
+    } catch (const Refusal& refusal) {
+      throw Refusal{fmt::format("image {}: {}", id, refusal.text)};
     }
 }
 
@@ -130,7 +126,7 @@ Expected<RecordedSequence> read_bop_recording(const std::filesystem::path& folde
   if (!file) return failed("cannot be opened; check that it is there and readable");
   try {
     read_entries(nlohmann::json::parse(file), sequence);
-  } catch (const BopRefusal& refusal) {
+  } catch (const Refusal& refusal) {
     return failed(refusal.text);
   } catch (const nlohmann::json::parse_error& error) {
     return failed(fmt::format("no JSON (stops at byte {}); copy it again", error.byte));

@@ -8,22 +8,19 @@
 #include <span>
 #include <vector>
 
+#include "refusal.hpp"
+
 namespace tubetrack {
 
 namespace {
 
-/// Carries the text of a refusal from the depths of the document up to read_camera_info, no farther.
-struct CameraInfoRefusal {
-  std::string text;
-};
-
 template <class T>
 T scalar(const YAML::Node& node, const std::string& field, const char* takes) {
-  if (!node) throw CameraInfoRefusal{fmt::format("{} is missing; takes {}", field, takes)};
+  if (!node) throw Refusal{fmt::format("{} is missing; takes {}", field, takes)};
   try {
     return node.as<T>();
   } catch (const YAML::Exception&) {
-    throw CameraInfoRefusal{
+    throw Refusal{
         fmt::format("{}: got \"{}\", takes {}", field, node.IsScalar() ? node.Scalar() : "a list or map", takes)};
   }
 }
@@ -32,7 +29,7 @@ T scalar(const YAML::Node& node, const std::string& field, const char* takes) {
 std::vector<double> matrix(const YAML::Node& root, const std::string& field) {
   const YAML::Node node = root[field];
   if (!node || !node.IsMap() || !node["data"] || !node["data"].IsSequence()) {
-    throw CameraInfoRefusal{fmt::format("{}.data is missing; takes a list of numbers", field)};
+    throw Refusal{fmt::format("{}.data is missing; takes a list of numbers", field)};
   }
   const YAML::Node data = node["data"];
   std::vector<double> values;
@@ -46,12 +43,11 @@ std::vector<double> matrix(const YAML::Node& root, const std::string& field) {
 void read_pinhole(const YAML::Node& root, Intrinsics& in) {
   const std::vector<double> k = matrix(root, "camera_matrix");
   if (k.size() != 9) {
-    throw CameraInfoRefusal{
-        fmt::format("camera_matrix.data: got {} numbers, takes 9 (fx 0 cx 0 fy cy 0 0 1)", k.size())};
+    throw Refusal{fmt::format("camera_matrix.data: got {} numbers, takes 9 (fx 0 cx 0 fy cy 0 0 1)", k.size())};
   }
   if (k[1] != 0.0 || k[3] != 0.0 || k[6] != 0.0 || k[7] != 0.0 || k[8] != 1.0) {
-    throw CameraInfoRefusal{fmt::format(
-        "camera_matrix.data: got [{}], takes fx 0 cx 0 fy cy 0 0 1 by rows, without skew", fmt::join(k, ", "))};
+    throw Refusal{fmt::format("camera_matrix.data: got [{}], takes fx 0 cx 0 fy cy 0 0 1 by rows, without skew",
+                              fmt::join(k, ", "))};
   }
   in.fx_px = k[0];
   in.cx_px = k[2];
@@ -63,15 +59,14 @@ void read_distortion(const YAML::Node& root, Intrinsics& in) {
   if (root["distortion_model"]) {
     const auto model = scalar<std::string>(root["distortion_model"], "distortion_model", "plumb_bob");
     if (model != "plumb_bob" && model != "rational_polynomial" && model != "none" && !model.empty()) {
-      throw CameraInfoRefusal{
-          fmt::format("distortion_model: got \"{}\", takes plumb_bob, rational_polynomial or none", model)};
+      throw Refusal{fmt::format("distortion_model: got \"{}\", takes plumb_bob, rational_polynomial or none", model)};
     }
   }
   if (!root["distortion_coefficients"]) return;
   const std::vector<double> k = matrix(root, "distortion_coefficients");
   const std::span<const double> rest = std::span(k).subspan(std::min(k.size(), in.distortion.size()));
   if (std::any_of(rest.begin(), rest.end(), [](double value) { return value != 0.0; })) {
-    throw CameraInfoRefusal{
+    throw Refusal{
         fmt::format("distortion_coefficients.data: got {} numbers, takes up to 8: k1 k2 p1 p2 k3 k4 k5 k6", k.size())};
   }
   std::copy_n(k.begin(), k.size() - rest.size(), in.distortion.begin());
@@ -94,7 +89,7 @@ Expected<CameraInfo> read_camera_info(const std::filesystem::path& path) {
     if (root["depth_scale"])
       info.metres_per_unit = scalar<double>(root["depth_scale"], "depth_scale", "metres per unit");
     return info;
-  } catch (const CameraInfoRefusal& refusal) {
+  } catch (const Refusal& refusal) {
     return failed(refusal.text);
   } catch (const YAML::ParserException& error) {
     return failed(fmt::format("line {}: no YAML: {}", error.mark.line + 1, error.msg));

@@ -24,8 +24,8 @@ struct FrameView {
   SortedObservations readings;  ///< those near it, where the radius may vary
 };
 
-/// Of the stretch that is known, short of its ends: what lies there may be the end's own face, or what it touches. A
-/// short piece gives up a tenth at either end. `all` is empty where far_radii is no more than near_radii.
+/// Of the stretch that is known, short of ends that may show their face (`EndTrim`). `all` is empty where far_radii is
+/// no more than near_radii.
 FrameView view_of(const FollowedTube& tube, const HeightMap& map, const TrackerConfig& config, const TubeModel& model,
                   double near_radii, double far_radii);
 

@@ -111,11 +111,9 @@ Matrix7 sliding_prior(const TubeModel& model, const RecycledMatrix& observed) {
   const Eigen::Vector3d middle = middle_of(model);
   Matrix7 prior = Matrix7::Zero();
   for (std::size_t k = 0; k < q.size(); ++k) {
-    const auto at = static_cast<Eigen::Index>(3 * k);
     double information = 0.0;  // of this point moved with its neighbours, summed over three directions
-    for (Eigen::Index j = std::max<Eigen::Index>(0, at - 9); j < std::min<Eigen::Index>(at + 12, observed.rows() - 1);
-         j += 3)
-      information += observed.block<3, 3>(at, j).trace();
+    for (std::size_t j = k < 3 ? 0 : k - 3; j < std::min(q.size(), k + 4); ++j)
+      information += observed.block<3, 3>(static_cast<Eigen::Index>(3 * k), static_cast<Eigen::Index>(3 * j)).trace();
     const Eigen::Vector3d along = (q[std::min(k + 1, q.size() - 1)] - q[k > 0 ? k - 1 : 0]).normalized();
     Eigen::Matrix<double, 6, 1> slide;
     slide << along, (q[k] - middle).cross(along);

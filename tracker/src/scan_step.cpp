@@ -11,7 +11,7 @@ namespace tubetrack {
 
 namespace {
 
-constexpr int kFewestObservations = 20;  // observations
+constexpr int kFewestObservations = 20;
 
 struct ScanEquations {
   BandMatrix matrix;
