@@ -80,7 +80,7 @@ std::span<const Surfel> SurfelFinder::find(const HeightMap& map, const NoiseMode
   s.rule = rule;
   s.edge_rule = edge_rule;
   s.rows = rows;
-  const std::span<const Region> regions = s.tiles.take_due(map, s.work.heights, workers);
+  const std::span<const Region> regions = s.tiles.take_due(map, s.work.heights, workers, options.in_turns);
   find_in_regions(rule, edge_rule, regions, s.tiles.affected(), rows, s.work, workers);
   list_surfels(s.work, rows, skip, s.surfels);
   if (options.widest_strip_px <= 0.0) {

@@ -60,6 +60,7 @@ void TileLedger::start(const HeightMap& map) {
   taken_in_.assign(tiles, 0);
   missing_.assign(tiles, 0);
   taken_.assign(tiles, 0);
+  put_off_.assign(tiles, 0);
   affected_.assign(tiles * kUnitsPerTile, 0);
   edges_affected_.assign(tiles * kUnitsPerTile, 0);
   regions_.reserve(tiles * kUnitsPerTile);
@@ -83,7 +84,7 @@ bool TileLedger::due(const HeightMap& map, int row, int column, const Heights& h
   const std::size_t tile =
       static_cast<std::size_t>(row) * static_cast<std::size_t>(columns_) + static_cast<std::size_t>(column);
   const std::uint32_t taken = taken_in_[tile];
-  if (!started_) return true;
+  if (!started_ || put_off_[tile]) return true;
   if (map.tile_changed_in[tile] > taken && has_moved(map, tile_at(map, row, column), tile, heights)) return true;
   const std::uint32_t frames_then = taken - map.tile_new_in[tile] + 1;
   const std::uint32_t frames_now = map.frame - map.tile_new_in[tile] + 1;
@@ -151,33 +152,64 @@ void TileLedger::gather_regions(const HeightMap& map) {
   }
 }
 
-/// Takes the due ones of a row of tiles, run by run.
+void TileLedger::choose_due(const HeightMap& map, int row, const Heights& heights) {
+  for (int column = 0; column < columns_; ++column) {
+    taken_[static_cast<std::size_t>(row * columns_ + column)] = due(map, row, column, heights) ? 1 : 0;
+  }
+}
+
+/// Of the tiles to be taken those above the row that parts them in half, or those from there on. What was put off
+/// before is taken now.
+void TileLedger::put_off_half() {
+  const std::ptrdiff_t half = std::count(taken_.begin(), taken_.end(), std::uint8_t{1}) / 2;
+  std::ptrdiff_t so_far = 0;
+  first_half_is_next_ = !first_half_is_next_;
+  for (int row = 0; row < rows_; ++row) {
+    const bool in_first_half = so_far < half;
+    for (int column = 0; column < columns_; ++column) {
+      const auto tile = static_cast<std::size_t>(row * columns_ + column);
+      so_far += taken_[tile];
+      const bool waits = taken_[tile] && !put_off_[tile] && in_first_half != first_half_is_next_;
+      put_off_[tile] = waits ? 1 : 0;
+      if (waits) taken_[tile] = 0;
+    }
+  }
+}
+
+/// Takes the chosen ones of a row of tiles, run by run.
 void TileLedger::take_row_of_tiles(const HeightMap& map, int row, Heights& heights) {
   const std::size_t row_start = static_cast<std::size_t>(row) * static_cast<std::size_t>(columns_);
-  std::uint8_t* taken = taken_.data() + row_start;
-  for (int column = 0; column < columns_; ++column) {
-    const std::size_t tile = row_start + static_cast<std::size_t>(column);
-    taken[column] = due(map, row, column, heights) ? 1 : 0;
-    if (!taken[column]) continue;
-    taken_in_[tile] = map.frame;
-    missing_[tile] = 0;
-  }
+  const std::uint8_t* taken = taken_.data() + row_start;
   for (int column = 0; column < columns_; ++column) {
     if (!taken[column]) continue;
     const int first = column;
-    while (column < columns_ && taken[column]) ++column;
+    for (; column < columns_ && taken[column]; ++column) {
+      const std::size_t tile = row_start + static_cast<std::size_t>(column);
+      taken_in_[tile] = map.frame;
+      missing_[tile] = 0;
+    }
     const Region cells{first * kTileWidth_px, std::min(column * kTileWidth_px, map.intrinsics.width),
                        row * kTileHeight_px, std::min((row + 1) * kTileHeight_px, map.intrinsics.height)};
     take_heights(map, cells, heights);
   }
 }
 
-std::span<const Region> TileLedger::take_due(const HeightMap& map, Heights& heights, Workers& workers) {
+std::span<const Region> TileLedger::take_due(const HeightMap& map, Heights& heights, Workers& workers,
+                                             bool in_turns) {
   for (auto* flags : {&affected_, &edges_affected_}) std::fill(flags->begin(), flags->end(), std::uint8_t{0});
-  workers.run([&](int i) {
-    const Part rows = part_of(rows_, i, workers.count());
-    for (int row = rows.begin; row < rows.end; ++row) take_row_of_tiles(map, row, heights);
-  });
+  const auto by_rows = [&](auto&& of_row) {
+    workers.run([&](int i) {
+      const Part rows = part_of(rows_, i, workers.count());
+      for (int row = rows.begin; row < rows.end; ++row) of_row(row);
+    });
+  };
+  by_rows([&](int row) { choose_due(map, row, heights); });
+  if (in_turns && started_) {
+    put_off_half();
+  } else {
+    std::fill(put_off_.begin(), put_off_.end(), std::uint8_t{0});
+  }
+  by_rows([&](int row) { take_row_of_tiles(map, row, heights); });
   started_ = true;
   const bool all = std::find(taken_.begin(), taken_.end(), std::uint8_t{0}) == taken_.end();
   for (auto* flags : {&affected_, &edges_affected_}) {

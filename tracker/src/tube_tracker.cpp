@@ -33,7 +33,7 @@ struct TubeTracker::State {
   KnownTubes known;
   std::optional<Eigen::Isometry3d> world_from_camera;  // of the last frame
   std::optional<double> timestamp_s;                   // of the last frame
-  std::vector<std::uint8_t> explained;                 // a cell each: 1 where a known tube is seen
+  std::vector<std::uint8_t> explained;                 // a cell each, bits: a known tube is seen there, was before
   TubeFrame result;
 };
 
@@ -67,6 +67,9 @@ void choose_rows(int turn, int height, SurfelOptions& options) {
   options.v_end = height * (quarter + 2) / 4;
 }
 
+constexpr std::uint8_t kSeenNow = 1;
+constexpr std::uint8_t kSeenBefore = 2;
+
 /// Marks the cells in which a tube is seen.
 void explain(const HeightMap& map, const FollowedTube& tube, std::vector<std::uint8_t>& explained) {
   if (tube.state != TubeState::tracked) return;
@@ -76,7 +79,7 @@ void explain(const HeightMap& map, const FollowedTube& tube, std::vector<std::ui
     const std::uint32_t cell = pixels.cell[i];
     const float off = std::abs(map.depth_m[cell] - pixels.depth_m[i]);
     const bool in_extent = (pixels.t[i] >= tube.extent.t_begin) & (pixels.t[i] <= tube.extent.t_end);
-    if (in_extent & (off < near_m + 4.0F * pixels.sigma_m[i])) explained[cell] = 1;
+    if (in_extent & (off < near_m + 4.0F * pixels.sigma_m[i])) explained[cell] |= kSeenNow;
   }
 }
 
@@ -170,7 +173,8 @@ void TubeTracker::follow_known(const DepthFrame& frame) {
   join_known(s.known, s.map, s.config, frame.timestamp_s);
   confirm_or_forget(s.known, s.map, s.config);
   forget_old(s.known, frame.timestamp_s);
-  std::fill(s.explained.begin(), s.explained.end(), std::uint8_t{0});
+  // Surfels may be of the frame before, in which a tube was where it was then.
+  for (std::uint8_t& cell : s.explained) cell = static_cast<std::uint8_t>(cell << 1) & kSeenBefore;
   for (const FollowedTube& tube : s.known.tubes) explain(s.map, tube, s.explained);
 }
 
@@ -214,6 +218,7 @@ const TubeFrame& TubeTracker::track(const DepthFrame& frame) {
   SurfelOptions options = surfel_options(s.config);
   const int max_failures = s.known.first_frame ? kFailuresAtFirst : kFailuresLater;
   if (frame.world_from_camera && !s.known.first_frame) choose_rows(s.search_turn++, frame.height, options);
+  options.in_turns = !frame.world_from_camera;
   const std::span<const Surfel> surfels = s.surfels.find(s.map, s.config.noise, options, s.explained, s.workers);
   stage.lap(stages.normals_ms);
 

@@ -24,6 +24,9 @@ struct SurfelOptions {
   /// Rows [v_begin, v_end) of the image in which surfels are wanted; those are the same as where all rows are.
   int v_begin = 0;
   int v_end = std::numeric_limits<int>::max();
+  /// Of what changed since the last call about half is looked at in this one and the other half in the next: a surfel
+  /// may be of how things were in the call before.
+  bool in_turns = false;
 };
 
 /// Half sizes of the square windows, in pixels: 7, 13 and 21 px across.
