@@ -13,8 +13,8 @@ constexpr int kReach_px = kSurfelReach_px + 1;
 constexpr int kUnit_px = kAffectedRows_px;
 constexpr int kUnitsPerTile = kTileHeight_px / kUnit_px;
 /// The map is gone through again in this many bands, one every few frames.
-constexpr int kBands = 4;
-constexpr std::uint32_t kFramesPerBand = 16;
+constexpr int kBands = 8;
+constexpr std::uint32_t kFramesPerBand = 8;
 /// Rows and columns beside a region that are worked on for it, which makes one large region cheaper than two.
 constexpr int kExtraColumns_px = 64;
 constexpr int kExtraRows_px = 40;
