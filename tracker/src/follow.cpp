@@ -17,7 +17,7 @@ namespace {
 constexpr double kRestChi2 = 30.0;      // 6 degrees of freedom: once in 25,000 frames by chance
 constexpr int kFramesToComeToRest = 6;  // long enough for 1 mm/s to show
 // Radii: so little a placing may still move for the fit to take it along.
-constexpr double kSettled = 0.02;
+constexpr double kSettled = 0.05;
 // Radii: at rest the last pixels are taken again while the model is so near to theirs, far below the noise of a
 // reading.
 constexpr double kUnmoved = 0.002;

@@ -77,7 +77,7 @@ void take_model(FollowedTube& tube, TubeModel model, const TrackerConfig& config
 }
 
 bool is_stale(const FollowedTube& tube, const TubeModel& model) {
-  constexpr double kStale = 0.02;
+  constexpr double kStale = 0.04;
   return moved_m(tube.predicted, model, tube.extent) > kStale * model.radius_m;
 }
 

@@ -70,6 +70,12 @@ void choose_rows(int turn, int height, SurfelOptions& options) {
 constexpr std::uint8_t kSeenNow = 1;
 constexpr std::uint8_t kSeenBefore = 2;
 
+/// Are tubes known, and is none of them missed? Then what changes is mostly theirs.
+bool all_in_sight(const KnownTubes& known) {
+  return !known.tubes.empty() &&
+         std::ranges::all_of(known.tubes, [](const FollowedTube& tube) { return tube.state == TubeState::tracked; });
+}
+
 /// Marks the cells in which a tube is seen.
 void explain(const HeightMap& map, const FollowedTube& tube, std::vector<std::uint8_t>& explained) {
   if (tube.state != TubeState::tracked) return;
@@ -218,7 +224,7 @@ const TubeFrame& TubeTracker::track(const DepthFrame& frame) {
   SurfelOptions options = surfel_options(s.config);
   const int max_failures = s.known.first_frame ? kFailuresAtFirst : kFailuresLater;
   if (frame.world_from_camera && !s.known.first_frame) choose_rows(s.search_turn++, frame.height, options);
-  options.in_turns = !frame.world_from_camera;
+  options.in_turns = !frame.world_from_camera && all_in_sight(s.known);
   const std::span<const Surfel> surfels = s.surfels.find(s.map, s.config.noise, options, s.explained, s.workers);
   stage.lap(stages.normals_ms);
 
