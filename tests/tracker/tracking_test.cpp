@@ -206,7 +206,7 @@ TEST(Tracking, ATubeThatComesIntoSightLaterIsReportedOnceTwoMoreFramesConfirmIt)
   EXPECT_EQ(reported, (std::vector<std::size_t>{0, 0, 0, 0, 1, 1}));
 }
 
-// Half of the rows are looked at in a frame.
+// Two fifths of the rows are looked at in a frame.
 TEST(Tracking, WithAMovingCameraWhatComesIntoSightAnywhereIsReportedTwoFramesLaterAtMost) {
   for (const double down_m : {-0.2, 0.0, 0.2}) {
     Scene scene = *load_scene("straight");
