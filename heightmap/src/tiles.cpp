@@ -194,8 +194,7 @@ void TileLedger::take_row_of_tiles(const HeightMap& map, int row, Heights& heigh
   }
 }
 
-std::span<const Region> TileLedger::take_due(const HeightMap& map, Heights& heights, Workers& workers,
-                                             bool in_turns) {
+std::span<const Region> TileLedger::take_due(const HeightMap& map, Heights& heights, Workers& workers, bool in_turns) {
   for (auto* flags : {&affected_, &edges_affected_}) std::fill(flags->begin(), flags->end(), std::uint8_t{0});
   const auto by_rows = [&](auto&& of_row) {
     workers.run([&](int i) {

@@ -67,7 +67,8 @@ TEST(SurfelFinder, IncrementallyFindsBitForBitWhatItFindsAnewInTheSameHeights) {
   int partial = 0;
   for (int frame = 0; frame < 150; ++frame) {
     update(map, patches.next(), {}, {}, true);
-    const auto regions = ledger.take_due(map, work.heights, alone);
+    const bool in_turns = frame / 10 % 2 == 1;
+    const auto regions = ledger.take_due(map, work.heights, alone, in_turns);
     find_in_regions(rule, edge_rule, regions, ledger.affected(), {0, 240}, work, alone);
     int cells = 0;
     for (const Region& region : regions) cells += (region.u_end - region.u_begin) * (region.v_end - region.v_begin);

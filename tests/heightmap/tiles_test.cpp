@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cmath>
 #include <cstdint>
 #include <utility>
 #include <vector>
@@ -35,9 +36,9 @@ struct TileAndLedger {
 
   std::size_t cells() const { return pixels.size(); }
   /// Was it taken?
-  bool see() {
+  bool see(bool in_turns = false) {
     update(map, {pixels.data(), width, height, static_cast<std::size_t>(width) * 2, kTileUnit_m}, {}, {}, true);
-    return !ledger.take_due(map, work.heights, alone).empty();
+    return !ledger.take_due(map, work.heights, alone, in_turns).empty();
   }
   std::int32_t height_at(std::size_t cell) const {
     return work.heights.height[work.heights.grid.at(static_cast<int>(cell) % width, static_cast<int>(cell) / width)];
@@ -86,6 +87,34 @@ TEST(Tiles, WhatComesAndGoesWithoutEverBeingSteadyIsNotTakenAgain) {
   for (int frame = 0; frame < 60; ++frame) {
     std::fill_n(tile.pixels.begin(), 40, frame % 2 == 0 ? std::uint16_t{0} : std::uint16_t{8000});
     EXPECT_EQ(tile.see(), frame == 0) << frame;  // then they had been steady
+  }
+}
+
+TEST(Tiles, InTurnsEachHalfOfWhatChangesIsTakenInEverySecondCall) {
+  TileAndLedger tiles(32, 64);
+  const std::size_t half = tiles.cells() / 2;
+  const auto level = [](int frame) { return static_cast<std::uint16_t>(8000 - 300 * frame); };
+  for (int frame = 1; frame <= 6; ++frame) {
+    std::fill(tiles.pixels.begin(), tiles.pixels.end(), level(frame));
+    ASSERT_TRUE(tiles.see(true));
+    int upper_age = -1, lower_age = -1;
+    for (int age = 0; age < 2; ++age) {
+      const double height = 1.0 / (kTileUnit_m * level(frame - age)) / kHeightUnit_per_m;
+      if (std::abs(tiles.height_at(0) - height) < 1.0) upper_age = age;
+      if (std::abs(tiles.height_at(half) - height) < 1.0) lower_age = age;
+    }
+    EXPECT_EQ(upper_age, (frame + 1) % 2) << frame;
+    EXPECT_EQ(lower_age, frame % 2) << frame;
+  }
+}
+
+TEST(Tiles, WhatWasPutOffIsTakenInTheNextCallThoughNothingChangesAnyMore) {
+  TileAndLedger tiles(32, 64);
+  std::fill(tiles.pixels.begin(), tiles.pixels.end(), std::uint16_t{7000});
+  ASSERT_TRUE(tiles.see(true));
+  ASSERT_TRUE(tiles.see(true));
+  for (std::size_t cell = 0; cell < tiles.cells(); cell += 16) {
+    EXPECT_NEAR(tiles.height_at(cell) * kHeightUnit_per_m, 1.0 / 0.7, kHeightUnit_per_m) << cell;
   }
 }
 
