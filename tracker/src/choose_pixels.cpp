@@ -1,5 +1,7 @@
 #include "choose_pixels.hpp"
 
+#include <hwy/cache_control.h>
+
 #include <algorithm>
 #include <bit>
 #include <cstddef>
@@ -108,6 +110,10 @@ HWY_INLINE void LoadReadings(const PixelChoice& choice, const PredictedPixels& p
 /// The same for a vector of pixels from `i` on, of which those before `end` are wanted.
 HWY_INLINE void ChooseVector(const PixelChoice& choice, const PredictedPixels& pixels, std::size_t i, std::size_t end,
                              ChosenPixels& chosen) {
+  constexpr std::size_t kAhead = 16;  // those of the next row are far from these
+  const std::size_t ahead = pixels.cell[std::min(i + kAhead, pixels.count - 1)];
+  hwy::Prefetch(choice.depth_m + ahead);
+  hwy::Prefetch(choice.rays + 2 * ahead);
   const D d;
   const DI di;
   const DU du;

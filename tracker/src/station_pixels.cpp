@@ -1,5 +1,8 @@
 #include "station_pixels.hpp"
 
+#include <hwy/cache_control.h>
+
+#include <algorithm>
 #include <cstddef>
 #include <cstdint>
 
@@ -97,7 +100,9 @@ void TakePixels(const float* depth_m, double radius_m, const PredictedPixels& pi
   const auto last = static_cast<std::int32_t>(stations.size()) - 1;
   Judged judged;
   std::int32_t seen[8];
+  constexpr std::size_t kAhead = 16;  // readings of the next row are far from these
   for (std::size_t i = 0; i < pixels.count; i += hn::Lanes(DD())) {
+    hwy::Prefetch(depth_m + pixels.cell[std::min(i + kAhead, pixels.count - 1)]);
     const auto here = hn::And(hn::FirstN(d, pixels.count - i),
                               hn::Ge(hn::LoadU(d, pixels.cos_incidence.data() + i), hn::Set(d, kCos75)));
     if (hn::AllFalse(d, here)) continue;
