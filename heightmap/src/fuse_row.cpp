@@ -137,17 +137,28 @@ Changed FuseTail(const FuseOptions& o, const CellRow& row, int i, int cells) {
   return changed;
 }
 
+/// Counts the changed cells of a vector that begins in column `u`. A vector seldom lies in two tiles.
+HWY_INLINE void Count(const Changed& changed, int u, int lanes, TileChanges* tiles) {
+  const int column = u / kTileWidth_px;
+  if ((u + lanes - 1) / kTileWidth_px == column) {
+    tiles[column].all += static_cast<std::uint32_t>(std::popcount(changed.all));
+    tiles[column].steady += static_cast<std::uint32_t>(std::popcount(changed.steady));
+    return;
+  }
+  for (std::uint64_t bits = changed.all; bits != 0; bits &= bits - 1) {
+    const int lane = std::countr_zero(bits);
+    TileChanges& tile = tiles[(u + lane) / kTileWidth_px];
+    ++tile.all;
+    tile.steady += changed.steady >> lane & 1;
+  }
+}
+
 void FuseRow(const FuseOptions& options, const CellRow& row, int u_first, int cells, TileChanges* tiles) {
   const int lanes = static_cast<int>(hn::Lanes(D()));
   for (int i = 0; i < cells; i += lanes) {
     const int here = std::min(lanes, cells - i);
     const Changed changed = here == lanes ? FuseCells(options, row, i) : FuseTail(options, row, i, here);
-    for (std::uint64_t bits = changed.all; bits != 0; bits &= bits - 1) {
-      const int lane = std::countr_zero(bits);
-      TileChanges& tile = tiles[(u_first + i + lane) / kTileWidth_px];
-      ++tile.all;
-      tile.steady += changed.steady >> lane & 1;
-    }
+    if (changed.all != 0) Count(changed, u_first + i, here, tiles);
   }
 }
 

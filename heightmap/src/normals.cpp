@@ -61,17 +61,22 @@ SurfelFinder::SurfelFinder(SurfelFinder&&) noexcept = default;
 SurfelFinder& SurfelFinder::operator=(SurfelFinder&&) noexcept = default;
 SurfelFinder::~SurfelFinder() = default;
 
-std::span<const Surfel> SurfelFinder::find(const HeightMap& map, const NoiseModel& noise, const SurfelOptions& options,
-                                           std::span<const std::uint8_t> skip, Workers& workers) {
+void SurfelFinder::make_room(const HeightMap& map, const Workers& workers) {
   State& s = *state_;
   const Grid& grid = s.work.heights.grid;
   const auto threads = static_cast<std::size_t>(workers.count());
-  if (grid.width != map.intrinsics.width || grid.height != map.intrinsics.height || s.work.bands.size() < threads) {
-    prepare(map, workers.count(), s.work);
-    s.tiles.start(map);
-    s.surfels.reserve(map.rays.size());
-    s.with_strips.reserve(map.rays.size());
-  }
+  const bool same_size = grid.width == map.intrinsics.width && grid.height == map.intrinsics.height;
+  if (same_size && s.work.bands.size() >= threads) return;
+  prepare(map, workers.count(), s.work);
+  s.tiles.start(map);
+  s.surfels.reserve(map.rays.size());
+  s.with_strips.reserve(map.rays.size());
+}
+
+std::span<const Surfel> SurfelFinder::find(const HeightMap& map, const NoiseModel& noise, const SurfelOptions& options,
+                                           std::span<const std::uint8_t> skip, Workers& workers) {
+  State& s = *state_;
+  make_room(map, workers);
   const SurfelRule rule(map.intrinsics, s.work.longest_ray2, noise, options);
   const EdgeRule edge_rule(noise, map.intrinsics.fx_px);
   const Part rows = wanted_rows(map, options);

@@ -84,18 +84,22 @@ void find_in_row(const SurfelRule& rule, const Part& columns, int v, BandWork& b
   replace_found(columns, v, band, work);
 }
 
+void start_rings(const Part& columns, BandWork& band) {
+  const Part all = widened(columns, kSumsReach_px + kSumBlock_px);
+  band.sums.start(all.begin, all.end - all.begin);
+  for (std::size_t size = 0; size < kWindowSizes; ++size) {
+    const Part planes = widened(columns, kPlanesReach_px);
+    band.planes[size].start(kWindowHalfSizes_px[size], planes.begin, planes.end - planes.begin);
+  }
+}
+
 void start_region(const Region& region, const AffectedTiles& affected, BandWork& band) {
   band.affected.clear();
   for (int v = region.v_begin; v < region.v_end; ++v) {
     const bool as_above = v > region.v_begin && v % kAffectedRows_px != 0;
     band.affected.push_back(as_above ? band.affected.back() : affected.columns_of(affected.surfels, region, v));
   }
-  const Part all = widened({region.u_begin, region.u_end}, kSumsReach_px + kSumBlock_px);
-  band.sums.start(all.begin, all.end - all.begin);
-  for (std::size_t size = 0; size < kWindowSizes; ++size) {
-    const Part planes = widened({region.u_begin, region.u_end}, kPlanesReach_px);
-    band.planes[size].start(kWindowHalfSizes_px[size], planes.begin, planes.end - planes.begin);
-  }
+  start_rings({region.u_begin, region.u_end}, band);
 }
 
 void find_in_region(const SurfelRule& rule, const Region& region, const AffectedTiles& affected, BandWork& band,
@@ -222,6 +226,7 @@ void prepare(const HeightMap& map, int threads, SurfelWork& work) {
     band.row_found.assign(static_cast<std::size_t>(grid.words()), 0);
     band.candidates.resize(static_cast<std::size_t>(grid.stride()));
     band.row_surfels.resize(static_cast<std::size_t>(grid.stride()));
+    start_rings({0, grid.width}, band);
   }
   // Not set, so that memory is taken only where there are surfels.
   work.found = std::make_unique_for_overwrite<FoundSurfel[]>(map.rays.size());

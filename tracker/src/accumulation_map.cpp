@@ -149,35 +149,26 @@ void AccumulationMap::leave_if_empty(const Block& block) {
   table_.erase(block.key);
 }
 
-void AccumulationMap::vote(Block& block, int bit, std::int32_t weight, const NarrowVoxel& one) {
-  const std::uint64_t mask = std::uint64_t{1} << bit;
+/// Where a voxel that was all 0 stands from now on.
+std::uint32_t AccumulationMap::fill(Block& block, int bit) {
+  block.filled |= std::uint64_t{1} << bit;
   std::uint32_t& place = block.place[static_cast<std::size_t>(bit)];
-  if ((block.filled & mask) == 0) {
-    block.filled |= mask;
-    if (free_voxels_.empty()) {
-      place = static_cast<std::uint32_t>(voxels_.size());
-      voxels_.emplace_back();
-      votes_.push_back(0);
-    } else {  // it is all 0
-      place = free_voxels_.back();
-      free_voxels_.pop_back();
-    }
+  if (free_voxels_.empty()) {
+    place = static_cast<std::uint32_t>(voxels_.size());
+    voxels_.emplace_back();
+    votes_.push_back(0);
+  } else {  // it is all 0
+    place = free_voxels_.back();
+    free_voxels_.pop_back();
   }
-  votes_[place] += weight;
-  NarrowVoxel& now = voxels_[place];
-  now.steps += one.steps;
-  std::uint32_t beyond = 0;  // the upper bit says that a moment was
-  for (std::size_t i = 0; i < one.moments.size(); ++i) {
-    const auto before = static_cast<std::uint32_t>(now.moments[i]), more = static_cast<std::uint32_t>(one.moments[i]);
-    const std::uint32_t sum = before + more;
-    beyond |= (before ^ sum) & (more ^ sum);
-    now.moments[i] = static_cast<std::int32_t>(sum);
-  }
-  if (beyond >> 31 != 0) carry(place, one);
-  if (votes_[place] == 0 && is_nothing(place)) {
-    block.filled &= ~mask;
-    free_voxels_.push_back(place);
-  }
+  return place;
+}
+
+void AccumulationMap::leave_if_nothing(Block& block, int bit) {
+  const std::uint32_t place = block.place[static_cast<std::size_t>(bit)];
+  if (!is_nothing(place)) return;
+  block.filled &= ~(std::uint64_t{1} << bit);
+  free_voxels_.push_back(place);
 }
 
 /// Where a moment went round when `one` was added: what it lacks.
@@ -232,8 +223,14 @@ void AccumulationMap::cast_part(const VoteRecord& record, std::int32_t weight) {
       leave_if_empty(*block);
       block = &take_block(block_key(index));
     }
+    // All here, and what is rare elsewhere: a call for each voxel would take as long.
+    const int bit = bit_of(index);
+    const bool is_filled = (block->filled >> bit & 1) != 0;
+    const std::uint32_t place = is_filled ? block->place[static_cast<std::size_t>(bit)] : fill(*block, bit);
     one.steps = weight * step;
-    vote(*block, bit_of(index), weight, one);
+    votes_[place] += weight;
+    if (voxels_[place].add(one)) carry(place, one);
+    if (votes_[place] == 0) leave_if_nothing(*block, bit);
   }
   leave_if_empty(*block);
 }

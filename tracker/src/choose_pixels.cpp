@@ -1,8 +1,12 @@
 #include "choose_pixels.hpp"
 
+#include <hwy/cache_control.h>
+
 #include <algorithm>
+#include <bit>
 #include <cstddef>
 #include <cstdint>
+#include <cstring>
 
 #include "stretch_sums.hpp"
 #include "tubetrack/sensors/disparity_levels.hpp"
@@ -30,6 +34,13 @@ using VI = hn::Vec<DI>;
 
 HWY_INLINE V Number(double value) {
   return hn::Set(D(), static_cast<float>(value));
+}
+
+/// A bit for each lane.
+HWY_INLINE std::uint64_t Bits(hn::Mask<D> mask) {
+  std::uint8_t bytes[8] = {};
+  hn::StoreMaskBits(D(), mask, bytes);
+  return bytes[0] | static_cast<std::uint64_t>(bytes[1]) << 8;
 }
 
 /// `depth_of_level_m` one by one, where `asked`.
@@ -99,6 +110,10 @@ HWY_INLINE void LoadReadings(const PixelChoice& choice, const PredictedPixels& p
 /// The same for a vector of pixels from `i` on, of which those before `end` are wanted.
 HWY_INLINE void ChooseVector(const PixelChoice& choice, const PredictedPixels& pixels, std::size_t i, std::size_t end,
                              ChosenPixels& chosen) {
+  constexpr std::size_t kAhead = 16;  // those of the next row are far from these
+  const std::size_t ahead = pixels.cell[std::min(i + kAhead, pixels.count - 1)];
+  hwy::Prefetch(choice.depth_m + ahead);
+  hwy::Prefetch(choice.rays + 2 * ahead);
   const D d;
   const DI di;
   const DU du;
@@ -129,14 +144,26 @@ HWY_INLINE void ChooseVector(const PixelChoice& choice, const PredictedPixels& p
   const V spans = hn::Set(d, static_cast<float>(whole_spans));
   const V s = hn::Sub(hn::Min(begun, spans), hn::ConvertTo(d, span));
   const V weight = hn::Div(hn::Set(d, 1.0F), hn::Mul(sigma, sigma));
-  const bool all = hn::AllTrue(d, keep);  // as mostly
-  const auto kept = [&](V value) HWY_ATTR { return all ? value : hn::Compress(value, keep); };
-  const std::size_t count = chosen.count;
-  hn::StoreU(hn::Compress(hn::BitCast(du, place), hn::RebindMask(du, keep)), du, chosen.place.data() + count);
-  hn::StoreInterleaved4(kept(hn::Mul(depth_m, direction_x)), kept(hn::Mul(depth_m, direction_y)), kept(depth_m),
-                        kept(weight), d, &chosen.points[count].x);
-  hn::StoreInterleaved4(kept(direction_x), kept(direction_y), hn::Set(d, 1.0F), kept(s), d, &chosen.rays[count].x);
-  chosen.count = count + hn::CountTrue(d, keep);
+  const V x = hn::Mul(depth_m, direction_x), y = hn::Mul(depth_m, direction_y);
+  if (hn::AllTrue(d, keep)) {  // as mostly
+    hn::StoreU(hn::BitCast(du, place), du, chosen.place.data() + chosen.count);
+    hn::StoreInterleaved4(x, y, depth_m, weight, d, &chosen.points[chosen.count].x);
+    hn::StoreInterleaved4(direction_x, direction_y, hn::Set(d, 1.0F), s, d, &chosen.rays[chosen.count].x);
+    chosen.count += hn::Lanes(d);
+    return;
+  }
+  // One by one: Highway's Compress copies its table onto the stack for every call (GCC 12).
+  std::uint32_t places[ChosenPixels::kSpare];
+  float points[4 * ChosenPixels::kSpare], rays[4 * ChosenPixels::kSpare];
+  hn::StoreU(hn::BitCast(du, place), du, places);
+  hn::StoreInterleaved4(x, y, depth_m, weight, d, points);
+  hn::StoreInterleaved4(direction_x, direction_y, hn::Set(d, 1.0F), s, d, rays);
+  for (std::uint64_t bits = Bits(keep); bits != 0; bits &= bits - 1, ++chosen.count) {
+    const auto lane = static_cast<std::size_t>(std::countr_zero(bits));
+    chosen.place[chosen.count] = places[lane];
+    std::memcpy(&chosen.points[chosen.count].x, points + 4 * lane, 4 * sizeof(float));
+    std::memcpy(&chosen.rays[chosen.count].x, rays + 4 * lane, 4 * sizeof(float));
+  }
 }
 
 void ChoosePixels(const PixelChoice& choice, const PredictedPixels& pixels, ChosenPixels& chosen) {

@@ -293,6 +293,7 @@ Evidence surface_evidence(const HeightMap& map, const NoiseModel& noise, const T
 
 void look_beside(const HeightMap& map, const NoiseModel& noise, const TubeModel& model, const Extent& extent,
                  Evidence& evidence) {
+  if (evidence.is_round() && (evidence.left.ends || evidence.right.ends)) return;
   TubeModel wide = model;
   wide.radius_m = kRingBorders.back() * model.radius_m;
   for (double& offset_m : wide.profile.offset_m) offset_m *= kRingBorders.back();

@@ -42,9 +42,11 @@ std::optional<FitQuality> take_step(TubeModel& model, ObservedEquations observed
   if (observed.used < 20) return std::nullopt;
   const NormalEquations eq = normal_equations(model, observed, options);
   FitQuality quality;
-  quality.observed.vector = observed.right;
-  quality.observed.vector.noalias() += observed.matrix * parameters_of(model);
-  quality.observed.matrix = std::move(observed.matrix);
+  if (options.want_covariance) {
+    quality.observed.vector = observed.right;
+    quality.observed.vector.noalias() += observed.matrix * parameters_of(model);
+    quality.observed.matrix = std::move(observed.matrix);
+  }
   const BandSolver solver(eq.matrix);
   if (!solver.ok()) return std::nullopt;
   const RecycledColumn change = solver.solve(eq.right);

@@ -121,7 +121,7 @@ ObservedEquations observed_equations(const TubeModel& model, const SortedObserva
     const SplineBasis basis = basis_at(model.spline, (static_cast<double>(k) + 0.5) / kStretchesPerSpan);
     for (std::size_t i = 0; i < 4; ++i) {
       const auto row = static_cast<Eigen::Index>(3 * (basis.first + i));
-      for (std::size_t j = 0; j < 4; ++j) {
+      for (std::size_t j = 0; j <= i; ++j) {
         const auto col = static_cast<Eigen::Index>(3 * (basis.first + j));
         eq.matrix.block<3, 3>(row, col) += basis.value[i] * basis.value[j] * s.point_point;
       }
@@ -133,6 +133,10 @@ ObservedEquations observed_equations(const TubeModel& model, const SortedObserva
     eq.right[radius_at] += s.radius_residual;
   }
   eq.matrix.row(radius_at).head(radius_at) = eq.matrix.col(radius_at).head(radius_at).transpose();
+  for (Eigen::Index row = 3; row < radius_at; row += 3) {
+    for (Eigen::Index col = std::max<Eigen::Index>(0, row - 9); col < row; col += 3)
+      eq.matrix.block<3, 3>(col, row) = eq.matrix.block<3, 3>(row, col).transpose();
+  }
   return eq;
 }
 

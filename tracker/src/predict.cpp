@@ -136,12 +136,21 @@ struct Outlined {
   float radius_m;
 };
 
-/// Those of a tube, and of each the rows of the image in which it may be seen: every row asks all of them for that.
+/// Those of a tube, and of each the rows of the image in which it may be seen.
 struct OutlinedTube {
   RecycledVector<Outlined> pieces;
   RecycledVector<Range> rows;
   Range all_rows;
+  RecycledVector<std::size_t> here;  ///< which may be seen in the rows that are looked at
 };
+
+/// All rows would ask all pieces.
+void look_from(int v, int rows, OutlinedTube& outlined) {
+  outlined.here.clear();
+  for (std::size_t k = 0; k < outlined.rows.size(); ++k) {
+    if (outlined.rows[k].begin < v + rows && outlined.rows[k].end > v) outlined.here.push_back(k);
+  }
+}
 
 std::array<Edge, 4> edges_of(const Quad& quad) {
   std::array<Edge, 4> edges;
@@ -220,7 +229,7 @@ Range intersect_all(const HeightMap& map, bool distorted, const OutlinedTube& ou
                     PredictedRow& row) {
   const int width = map.intrinsics.width;
   Range touched{width, 0};
-  for (std::size_t k = 0; k < outlined.rows.size(); ++k) {
+  for (const std::size_t k : outlined.here) {
     if (v < outlined.rows[k].begin || v >= outlined.rows[k].end) continue;
     const Outlined& one = outlined.pieces[k];
     const Range columns = columns_in(one.edges, v, width);
@@ -261,14 +270,20 @@ void PredictedPixels::make_room(std::size_t pixels) {
 void predict_pixels(const HeightMap& map, const NoiseModel& noise, const TubeModel& model, int stride,
                     PredictedPixels& pixels, double straight_radii) {
   const Intrinsics& in = map.intrinsics;
-  const OutlinedTube outlined = outline_all(in, model, straight_radii);
+  constexpr int kRowsAtOnce = 16;
+  OutlinedTube outlined = outline_all(in, model, straight_radii);
   const Range rows = outlined.all_rows;
   PredictedRow& row = row_for(in.width);
   const bool distorted = in.has_distortion();
   if (!distorted) take_rays(map, false, 0, stride, {0, divided_up(in.width, stride)}, row);
   pixels.count = 0;
   pixels.rows.clear();
+  int looked_to = rows.begin;
   for (int v = divided_up(rows.begin, stride) * stride; v < rows.end; v += stride) {
+    if (v >= looked_to) {
+      look_from(v, kRowsAtOnce, outlined);
+      looked_to = v + kRowsAtOnce;
+    }
     row.same_y = distorted ? std::nullopt : std::optional<float>(map.rays[map.cell(0, v)].y());
     const Range touched = intersect_all(map, distorted, outlined, v, stride, row);
     if (touched.begin >= touched.end) continue;

@@ -1,5 +1,8 @@
 #include "station_pixels.hpp"
 
+#include <hwy/cache_control.h>
+
+#include <algorithm>
 #include <cstddef>
 #include <cstdint>
 
@@ -30,8 +33,17 @@ using V = hn::Vec<D>;
 struct Judged {
   std::int32_t at[8];
   std::int32_t kind[8];
-  double n[8], c[8], cc[8], r[8], cr[8];
+  double first_four[8 * 4];  ///< n, c, cc and r of each pixel
+  double cr[8];
 };
+
+HWY_INLINE void Add(const Judged& judged, std::size_t lane, ShapeSums& shape) {
+  const hn::CappedTag<double, 4> d;
+  static_assert(offsetof(ShapeSums, r) == offsetof(ShapeSums, n) + 3 * sizeof(double));
+  for (std::size_t i = 0; i < 4; i += hn::Lanes(d))
+    hn::StoreU(hn::Add(hn::LoadU(d, &shape.n + i), hn::LoadU(d, judged.first_four + 4 * lane + i)), d, &shape.n + i);
+  shape.cr += judged.cr[lane];
+}
 
 HWY_INLINE VD Number(double value) {
   return hn::Set(DD(), value);
@@ -77,10 +89,7 @@ HWY_INLINE void Judge(V measured, double radius_m, const PredictedPixels& pixels
   const VD cos_angle = hn::PromoteTo(dd, cosine);
   const VD c = hn::Mul(n, cos_angle);
   const VD section_off = hn::Mul(off, hn::PromoteTo(dd, radii));
-  hn::StoreU(n, dd, out.n);
-  hn::StoreU(c, dd, out.c);
-  hn::StoreU(hn::Mul(c, cos_angle), dd, out.cc);
-  hn::StoreU(hn::Mul(n, section_off), dd, out.r);
+  hn::StoreInterleaved4(n, c, hn::Mul(c, cos_angle), hn::Mul(n, section_off), dd, out.first_four);
   hn::StoreU(hn::Mul(c, section_off), dd, out.cr);
 }
 
@@ -91,7 +100,9 @@ void TakePixels(const float* depth_m, double radius_m, const PredictedPixels& pi
   const auto last = static_cast<std::int32_t>(stations.size()) - 1;
   Judged judged;
   std::int32_t seen[8];
+  constexpr std::size_t kAhead = 16;  // readings of the next row are far from these
   for (std::size_t i = 0; i < pixels.count; i += hn::Lanes(DD())) {
+    hwy::Prefetch(depth_m + pixels.cell[std::min(i + kAhead, pixels.count - 1)]);
     const auto here = hn::And(hn::FirstN(d, pixels.count - i),
                               hn::Ge(hn::LoadU(d, pixels.cos_incidence.data() + i), hn::Set(d, kCos75)));
     if (hn::AllFalse(d, here)) continue;
@@ -104,11 +115,7 @@ void TakePixels(const float* depth_m, double radius_m, const PredictedPixels& pi
       if (!seen[lane]) continue;
       StationPixels& station = stations[static_cast<std::size_t>(judged.at[lane])];
       ++station.count[static_cast<std::size_t>(judged.kind[lane])];
-      station.shape.n += judged.n[lane];
-      station.shape.c += judged.c[lane];
-      station.shape.cc += judged.cc[lane];
-      station.shape.r += judged.r[lane];
-      station.shape.cr += judged.cr[lane];
+      Add(judged, lane, station.shape);
     }
   }
 }

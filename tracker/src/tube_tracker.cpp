@@ -114,6 +114,7 @@ Expected<TubeTracker> TubeTracker::create(const TrackerConfig& config, const Int
   auto state = std::make_unique<State>(config);
   state->map = make_height_map(intrinsics);
   state->map.at_disparity_levels = true;  // as the noise model says, until a frame tells otherwise
+  state->surfels.make_room(state->map, state->workers);
   state->explained.resize(state->map.rays.size());
   state->cast.now.reserve(state->map.rays.size());
   state->cast.before.reserve(state->map.rays.size());

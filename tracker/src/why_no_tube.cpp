@@ -12,8 +12,6 @@ namespace tubetrack {
 
 namespace {
 
-constexpr double kWholeSection_rad = 2.4;  // of the 150° that are judged
-
 template <typename... Values>
 Reason reason(fmt::format_string<Values...> text, Values&&... values) {
   Reason reason;
@@ -61,11 +59,8 @@ bool hopeless(const Evidence& e, double radius_m, const TrackerConfig& config) {
 std::optional<Reason> why_no_tube(const Evidence& e, double radius_m, const TrackerConfig& config) {
   if (auto reason = why_no_surface(e, radius_m, config)) return reason;
   if (!e.turns_away()) return "the surface goes on beyond both sides";
-  // Two planes that meet turn by 90° or so: what is round over nearly all that faces the camera is no edge between
-  // them, and what lies beside it are neighbours that it touches.
-  const bool round = e.arc_rad > kWholeSection_rad && e.profile_rms_radii < 0.02;
   const double straight = std::max(e.left.straight_share, e.right.straight_share);
-  if (!round && (e.edge_share > 0.45 || straight > 0.6)) return "goes straight on beyond a side";
+  if (!e.is_round() && (e.edge_share > 0.45 || straight > 0.6)) return "goes straight on beyond a side";
   return std::nullopt;
 }
 

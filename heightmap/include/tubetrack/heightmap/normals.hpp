@@ -42,6 +42,9 @@ class SurfelFinder {
   SurfelFinder& operator=(SurfelFinder&&) noexcept;
   ~SurfelFinder();
 
+  /// Takes the memory for maps of this size, so that the first frame need not.
+  void make_room(const HeightMap& map, const Workers& workers);
+
   /// In cell order, valid until the next call. `skip`: empty, or one a cell; where it is not 0 no surfel is wanted,
   /// though the cell still takes part in windows. The result does not depend on the workers.
   std::span<const Surfel> find(const HeightMap& map, const NoiseModel& noise, const SurfelOptions& options,

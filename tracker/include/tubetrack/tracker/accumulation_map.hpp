@@ -95,6 +95,19 @@ class AccumulationMap {
     std::int32_t steps = 0;
     std::array<std::int32_t, 6> moments{};
     bool operator==(const NarrowVoxel&) const = default;
+
+    /// True where a moment went round.
+    bool add(const NarrowVoxel& one) {
+      steps += one.steps;
+      std::uint32_t beyond = 0;  // the upper bit says that a moment was
+      for (std::size_t i = 0; i < moments.size(); ++i) {
+        const auto before = static_cast<std::uint32_t>(moments[i]), more = static_cast<std::uint32_t>(one.moments[i]);
+        const std::uint32_t sum = before + more;
+        beyond |= (before ^ sum) & (more ^ sum);
+        moments[i] = static_cast<std::int32_t>(sum);
+      }
+      return beyond >> 31 != 0;
+    }
   };
   struct Peak {
     int votes = 0;
@@ -104,7 +117,8 @@ class AccumulationMap {
 
   void cast(const VoteRecord& record, int sign);
   void cast_part(const VoteRecord& record, std::int32_t weight);
-  void vote(Block& block, int bit, std::int32_t weight, const NarrowVoxel& one);
+  std::uint32_t fill(Block& block, int bit);
+  void leave_if_nothing(Block& block, int bit);
   void carry(std::uint32_t place, const NarrowVoxel& one);
   void add_to(Voxel& sum, std::uint32_t place) const;
   bool is_nothing(std::uint32_t place) const;

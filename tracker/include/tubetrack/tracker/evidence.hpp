@@ -39,6 +39,13 @@ struct Evidence {
     return stands || left.ends || left.drops || left.rises || right.ends || right.drops || right.rises;
   }
 
+  /// Two planes that meet turn by 90° or so: what is round over nearly all that faces the camera is no edge between
+  /// them, and what lies beside it are neighbours that it touches.
+  bool is_round() const {
+    constexpr double kWholeSection_rad = 2.4;  // of the 150° that are judged
+    return arc_rad > kWholeSection_rad && profile_rms_radii < 0.02;
+  }
+
   double flatness = 0.0;  ///< as Station's, over all that is seen
   double flatness_sigma = 0.0;
   double taper = 0.0;  ///< change of radius per length
@@ -53,7 +60,8 @@ Evidence surface_evidence(const HeightMap& map, const NoiseModel& noise, const T
                           const PredictedPixels& predicted, const RecycledVector<Station>& stations,
                           const Extent& extent);
 
-/// The other part, which needs pixels of its own.
+/// The other part, which needs pixels of its own; left out where it is round and ends at a silhouette, as nothing that
+/// lies beside it would change what it is taken for then.
 void look_beside(const HeightMap& map, const NoiseModel& noise, const TubeModel& model, const Extent& extent,
                  Evidence& evidence);
 

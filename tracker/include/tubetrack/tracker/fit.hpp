@@ -56,7 +56,7 @@ struct FitOptions {
   double radius_max_m = 1.0;
   int gauss_newton_steps = 2;
   const Information* prior = nullptr;  ///< of the model's size
-  bool want_covariance = true;
+  bool want_covariance = true;         ///< and what these observations alone say
   double suppleness = 1.0;  ///< how far the line may bend: 1 any tube; small values hold a short seed straight
   /// The radius may vary along the tube; not where it is known, nor below suppleness 1, where a profile stays as it is.
   bool varying_radius = false;
