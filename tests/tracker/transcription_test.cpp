@@ -103,10 +103,7 @@ double distance_m(const Vector3d& point, std::vector<Vector3d> line, double beyo
   return best;
 }
 
-class Transcription : public ::testing::TestWithParam<Case> {};
-
-TEST_P(Transcription, SameRecordsGiveTheSameCountInEveryVoxel) {
-  const Both both = build(GetParam());
+void same_records_give_the_same_count_in_every_voxel(const Both& both) {
   ASSERT_GT(both.images.acc_image.size(), 1000U);
   for (const auto& [at, votes] : both.images.acc_image) {
     ASSERT_EQ(both.map.at(at).votes, votes) << at.x << ' ' << at.y << ' ' << at.z;
@@ -117,16 +114,14 @@ TEST_P(Transcription, SameRecordsGiveTheSameCountInEveryVoxel) {
   }
 }
 
-TEST_P(Transcription, TheBestPeakIsMaxAccAtMaxPt) {
-  Both both = build(GetParam());
+void the_best_peak_is_max_acc_at_max_pt(Both& both) {
   const auto peaks = both.map.peaks(1, 0);
   ASSERT_FALSE(peaks.empty());
   EXPECT_EQ(both.map.at(peaks.front()).votes, both.images.max_acc);
   EXPECT_EQ(peaks.front(), both.images.max_pt);
 }
 
-TEST_P(Transcription, AxesAtPeaksAgreeWithin2Degrees) {
-  Both both = build(GetParam());
+void axes_at_peaks_agree_within_2_degrees(Both& both, double noise_deg) {
   double worst_deg = 0.0;
   double squares = 0.0;
   double ours_squares = 0.0;
@@ -146,12 +141,11 @@ TEST_P(Transcription, AxesAtPeaksAgreeWithin2Degrees) {
   const auto n = static_cast<double>(peaks.size());
   EXPECT_LE(std::sqrt(squares / n), 1.0);
   // With 3° of noise in the normals a few of many peaks differ by more: that is dirImage's own noise.
-  EXPECT_LE(worst_deg, GetParam().noise_deg <= 2.0 ? 2.0 : 2.5) << peaks.size() << " peaks";
+  EXPECT_LE(worst_deg, noise_deg <= 2.0 ? 2.0 : 2.5) << peaks.size() << " peaks";
   EXPECT_LE(std::sqrt(ours_squares / n), 0.1 + 1.1 * std::sqrt(theirs_squares / n));
 }
 
-TEST_P(Transcription, WithOurAxesTheTraceIsTheSameVoxelForVoxel) {
-  Both both = build(GetParam());
+void with_our_axes_the_trace_is_the_same_voxel_for_voxel(Both& both) {
   both.settings.dir = [&](const VoxelIndex& at) { return axis_of(both.map.at(at)).direction; };
   for (const bool in_front : {true, false}) {
     auto expected = paper::track_patch_center(both.images, both.images.max_pt, in_front, both.settings);
@@ -166,8 +160,7 @@ TEST_P(Transcription, WithOurAxesTheTraceIsTheSameVoxelForVoxel) {
   }
 }
 
-TEST_P(Transcription, WithItsOwnAxesTheTraceStaysWithin2VoxelsOfOurs) {
-  Both both = build(GetParam());
+void with_its_own_axes_the_trace_stays_within_2_voxels_of_ours(Both& both, const Case& c) {
   both.settings.dir = [&](const VoxelIndex& at) { return both.images.dir(at); };
   const auto ours = trace_both_ways(both.map, both.images.max_pt, both.options);
   std::vector<VoxelIndex> theirs;
@@ -175,7 +168,7 @@ TEST_P(Transcription, WithItsOwnAxesTheTraceStaysWithin2VoxelsOfOurs) {
     const auto line = paper::track_patch_center(both.images, both.images.max_pt, in_front, both.settings);
     theirs.insert(theirs.end(), line.points.begin(), line.points.end() - 1);
   }
-  if (GetParam().noise_deg == 0.0 && ours.size() < 3) {
+  if (c.noise_deg == 0.0 && ours.size() < 3) {
     // All votes of an exact ring meet in one voxel, which the sampled patch can miss: both must end here.
     EXPECT_LE(theirs.size(), 4U);
     return;
@@ -186,9 +179,21 @@ TEST_P(Transcription, WithItsOwnAxesTheTraceStaysWithin2VoxelsOfOurs) {
   for (const TracePoint& point : ours) line.push_back(point.position_m);
   double worst_m = 0.0;
   for (const VoxelIndex& at : theirs) {
-    worst_m = std::max(worst_m, distance_m(both.map.center_of(at), line, GetParam().radius_m));
+    worst_m = std::max(worst_m, distance_m(both.map.center_of(at), line, c.radius_m));
   }
-  EXPECT_LE(worst_m, 2.0 * GetParam().cell_m) << ours.size() << " points against " << theirs.size();
+  EXPECT_LE(worst_m, 2.0 * c.cell_m) << ours.size() << " points against " << theirs.size();
+}
+
+class Transcription : public ::testing::TestWithParam<Case> {};
+
+// The maps of a case are what takes the time: one pair for all that is compared.
+TEST_P(Transcription, AgreesInVotesPeaksAxesAndTraces) {
+  Both both = build(GetParam());
+  same_records_give_the_same_count_in_every_voxel(both);
+  the_best_peak_is_max_acc_at_max_pt(both);
+  axes_at_peaks_agree_within_2_degrees(both, GetParam().noise_deg);
+  with_our_axes_the_trace_is_the_same_voxel_for_voxel(both);
+  with_its_own_axes_the_trace_stays_within_2_voxels_of_ours(both, GetParam());
 }
 
 INSTANTIATE_TEST_SUITE_P(Tubes, Transcription, ::testing::ValuesIn(cases()));
