@@ -37,11 +37,11 @@ constexpr const char* kNextFactor =
 - **still**: a third is to read the frame in, which memory bounds more than arithmetic (leaving stores out and reading
   ahead changed nothing), half to predict, choose and fit the tube's pixels. Next: fit a tube that is at rest to every
   second row and column, as its place is pooled over frames anyway.
-- **moving tube**: two fifths are surfels, whose arithmetic goes by cell and size of window. Next: changed tiles taken
-  in turns, half of them a frame (what is known there as its place a frame ago must not vote); fewer cells, by marking
-  columns 8 px apart in place of 16; the first placing with every other row.
-- **moving camera**: all is new in every frame, so half of the rows are searched a frame. Next: records that move with
-  the poses, so that only what comes into view is new.
+- **moving tube**: a third is surfels, though of the tiles that changed half are looked at in a frame, a third to
+  follow the tube, a fifth to read the frame in. Next: fewer cells, by marking columns 8 px apart in place of 16; no
+  surfels where a known tube explains all; the first placing with every other row.
+- **moving camera**: all is new in every frame, so two fifths of the rows are searched in one. Next: records that move
+  with the poses, so that only what comes into view is new.
 - **first frames**: most of a tube is traced before it is grown, but some rounds predict and fit all of it until nothing
   moves, neighbours are fitted again without each other's pixels, and surfels, votes and the frame itself alone take
   a third. Next: what docs/open.md names.
