@@ -12,9 +12,9 @@ namespace {
 constexpr int kReach_px = kSurfelReach_px + 1;
 constexpr int kUnit_px = kAffectedRows_px;
 constexpr int kUnitsPerTile = kTileHeight_px / kUnit_px;
-/// The map is gone through again in this many bands, one every few frames.
-constexpr int kBands = 8;
-constexpr std::uint32_t kFramesPerBand = 8;
+/// The map is gone through again in blocks, so many across and down, one every few frames.
+constexpr int kBlocks = 4;
+constexpr int kFramesPerBlock = 4;
 /// Rows and columns beside a region that are worked on for it, which makes one large region cheaper than two.
 constexpr int kExtraColumns_px = 64;
 constexpr int kExtraRows_px = 40;
@@ -89,8 +89,9 @@ bool TileLedger::due(const HeightMap& map, int row, int column, const Heights& h
   const std::uint32_t frames_then = taken - map.tile_new_in[tile] + 1;
   const std::uint32_t frames_now = map.frame - map.tile_new_in[tile] + 1;
   if (frames_then < 32) return frames_now >= 2 * frames_then;
-  return map.frame % kFramesPerBand == 0 && map.frame != taken &&
-         static_cast<int>(map.frame / kFramesPerBand % kBands) == row * kBands / rows_;
+  const auto block = static_cast<int>(map.frame / kFramesPerBlock % (kBlocks * kBlocks));
+  return map.frame % kFramesPerBlock == 0 && map.frame != taken && block / kBlocks == row * kBlocks / rows_ &&
+         block % kBlocks == column * kBlocks / columns_;
 }
 
 void TileLedger::mark_affected(const HeightMap& map, const Heights& heights, int row, int column) {
@@ -158,20 +159,22 @@ void TileLedger::choose_due(const HeightMap& map, int row, const Heights& height
   }
 }
 
-/// Of the tiles to be taken those above the row that parts them in half, or those from there on. What was put off
-/// before is taken now.
-void TileLedger::put_off_half() {
-  const std::ptrdiff_t half = std::count(taken_.begin(), taken_.end(), std::uint8_t{1}) / 2;
-  std::ptrdiff_t so_far = 0;
+/// Of the tiles that are due because they changed, those above the row that parts them in half, or those from there on.
+/// What was put off before is taken now.
+void TileLedger::put_off_half(const HeightMap& map) {
+  const auto is_changed = [&](std::size_t tile) { return taken_[tile] && map.tile_changed_in[tile] > taken_in_[tile]; };
+  int count = 0;
+  for (std::size_t tile = 0; tile < taken_.size(); ++tile) count += is_changed(tile) ? 1 : 0;
+  int so_far = 0;
   first_half_is_next_ = !first_half_is_next_;
   for (int row = 0; row < rows_; ++row) {
-    const bool in_first_half = so_far < half;
+    const bool waits = (2 * so_far < count) != first_half_is_next_;
     for (int column = 0; column < columns_; ++column) {
       const auto tile = static_cast<std::size_t>(row * columns_ + column);
-      so_far += taken_[tile];
-      const bool waits = taken_[tile] && !put_off_[tile] && in_first_half != first_half_is_next_;
-      put_off_[tile] = waits ? 1 : 0;
-      if (waits) taken_[tile] = 0;
+      const bool changed = is_changed(tile);
+      so_far += changed ? 1 : 0;
+      put_off_[tile] = changed && waits && !put_off_[tile] ? 1 : 0;
+      if (put_off_[tile]) taken_[tile] = 0;
     }
   }
 }
@@ -204,7 +207,7 @@ std::span<const Region> TileLedger::take_due(const HeightMap& map, Heights& heig
   };
   by_rows([&](int row) { choose_due(map, row, heights); });
   if (in_turns && started_) {
-    put_off_half();
+    put_off_half(map);
   } else {
     std::fill(put_off_.begin(), put_off_.end(), std::uint8_t{0});
   }

@@ -19,8 +19,8 @@ class TileLedger {
   /// Takes the heights of the tiles that are due: those that changed and, unless they are new, of whose cells that were
   /// steady when they were taken a sixteenth is elsewhere now (what flickers is soon back); those that were new and,
   /// refined since, have seen twice as many frames as when their heights were last taken; and, so that a slow drift is
-  /// followed, a band of all tiles every few frames. The regions whose surfels depend on what was taken. `in_turns`: of
-  /// the tiles that are due half is taken and half in the next call.
+  /// followed, a block of all tiles every few frames. The regions whose surfels depend on what was taken. `in_turns`:
+  /// of the tiles that changed half is taken and half in the next call.
   std::span<const Region> take_due(const HeightMap& map, Heights& heights, Workers& workers, bool in_turns = false);
   /// Within the regions of the last call.
   AffectedTiles affected() const { return {affected_.data(), edges_affected_.data(), columns_}; }
@@ -29,7 +29,7 @@ class TileLedger {
   bool due(const HeightMap& map, int row, int column, const Heights& heights);
   bool has_moved(const HeightMap& map, const Region& cells, std::size_t tile, const Heights& heights);
   void choose_due(const HeightMap& map, int row, const Heights& heights);
-  void put_off_half();
+  void put_off_half(const HeightMap& map);
   void take_row_of_tiles(const HeightMap& map, int row, Heights& heights);
   void mark_affected(const HeightMap& map, const Heights& heights, int row, int column);
   void mark(const Region& cells, std::vector<std::uint8_t>& flags) const;
