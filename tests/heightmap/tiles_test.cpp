@@ -90,6 +90,29 @@ TEST(Tiles, WhatComesAndGoesWithoutEverBeingSteadyIsNotTakenAgain) {
   }
 }
 
+TEST(Tiles, WhereNothingChangesAllIsTakenAgainOnceIn64FramesASixteenthAtATime) {
+  TileAndLedger tiles(64, 64);
+  // A drift too slow to be a change.
+  std::fill(tiles.pixels.begin(), tiles.pixels.end(), std::uint16_t{8001});
+  while (tiles.map.frame < 127) tiles.see();
+  std::vector<std::int32_t> before;
+  for (std::size_t cell = 0; cell < tiles.cells(); ++cell) before.push_back(tiles.height_at(cell));
+  std::fill(tiles.pixels.begin(), tiles.pixels.end(), std::uint16_t{8003});
+  std::size_t all_taken = 0;
+  for (int frame = 0; frame < 64; ++frame) {
+    tiles.see();
+    std::size_t taken = 0;
+    for (std::size_t cell = 0; cell < tiles.cells(); ++cell) {
+      if (tiles.height_at(cell) == before[cell]) continue;
+      ++taken;
+      before[cell] = tiles.height_at(cell);
+    }
+    EXPECT_EQ(taken, frame % 4 == 0 ? tiles.cells() / 16 : 0U) << frame;
+    all_taken += taken;
+  }
+  EXPECT_EQ(all_taken, tiles.cells());
+}
+
 TEST(Tiles, InTurnsEachHalfOfWhatChangesIsTakenInEverySecondCall) {
   TileAndLedger tiles(32, 64);
   const std::size_t half = tiles.cells() / 2;
