@@ -70,9 +70,10 @@ void choose_rows(int turn, int height, SurfelOptions& options) {
 constexpr std::uint8_t kSeenNow = 1;
 constexpr std::uint8_t kSeenBefore = 2;
 
-/// Are tubes known, and is none of them missed? Then what changes is mostly theirs.
-bool all_in_sight(const KnownTubes& known) {
-  return !known.tubes.empty() &&
+/// Is what changed looked at in turns? While the camera stands still, and tubes are known of which none is missed: then
+/// it is mostly theirs.
+bool in_turns(const DepthFrame& frame, const KnownTubes& known) {
+  return !frame.world_from_camera && !known.tubes.empty() &&
          std::ranges::all_of(known.tubes, [](const FollowedTube& tube) { return tube.state == TubeState::tracked; });
 }
 
@@ -180,8 +181,9 @@ void TubeTracker::follow_known(const DepthFrame& frame) {
   join_known(s.known, s.map, s.config, frame.timestamp_s);
   confirm_or_forget(s.known, s.map, s.config);
   forget_old(s.known, frame.timestamp_s);
-  // Surfels may be of the frame before, in which a tube was where it was then.
-  for (std::uint8_t& cell : s.explained) cell = static_cast<std::uint8_t>(cell << 1) & kSeenBefore;
+  // In turns surfels may be of the frame before, in which a tube was where it was then.
+  const int kept = in_turns(frame, s.known) ? kSeenBefore : 0;
+  for (std::uint8_t& cell : s.explained) cell = static_cast<std::uint8_t>(cell << 1 & kept);
   for (const FollowedTube& tube : s.known.tubes) explain(s.map, tube, s.explained);
 }
 
@@ -225,7 +227,7 @@ const TubeFrame& TubeTracker::track(const DepthFrame& frame) {
   SurfelOptions options = surfel_options(s.config);
   const int max_failures = s.known.first_frame ? kFailuresAtFirst : kFailuresLater;
   if (frame.world_from_camera && !s.known.first_frame) choose_rows(s.search_turn++, frame.height, options);
-  options.in_turns = !frame.world_from_camera && all_in_sight(s.known);
+  options.in_turns = in_turns(frame, s.known);
   const std::span<const Surfel> surfels = s.surfels.find(s.map, s.config.noise, options, s.explained, s.workers);
   stage.lap(stages.normals_ms);
 
