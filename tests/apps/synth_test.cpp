@@ -85,6 +85,8 @@ TEST_F(Synth, WhatCannotBeRenderedIsRefusedInOneLine) {
   EXPECT_THAT(refusal({"straight", path(), "--seed", "x"}), HasSubstr("--seed"));
   write_text(recording_ / "scene.json", R"({"tubs": []})");
   EXPECT_THAT(refusal({(recording_ / "scene.json").string(), path()}), HasSubstr("scene.json: tubs: unknown key"));
+  write_text(recording_ / "scene.json", "{\"tubes\": x}");
+  EXPECT_THAT(refusal({(recording_ / "scene.json").string(), path()}), HasSubstr("scene.json: parse error at line 1"));
   write_text(recording_ / "mine/letter.txt", "dear");
   EXPECT_THAT(refusal({"straight", (recording_ / "mine").string()}), HasSubstr("is not empty"));
   EXPECT_FALSE(std::filesystem::exists(path()));
