@@ -17,15 +17,18 @@ namespace tubetrack {
 namespace {
 
 std::string hint_without_tubes(const TrackerConfig& config) {
+  const std::string time =
+      config.deadline_ms
+          ? fmt::format("; {:g} ms a frame (deadline) may be too short to look for one", *config.deadline_ms)
+          : "";
   if (config.radius_m) {
-    return fmt::format("no tube of radius {:g} m was found; leave --radius out to see which there are",
-                       *config.radius_m);
+    return fmt::format("no tube of radius {:g} m was found; leave --radius out to see which there are{}",
+                       *config.radius_m, time);
   }
   return fmt::format(
       "no tube of radius {:g} to {:g} m was found; one is at least 8 pixels wide and {:g} radii long, and seen over "
-      "90° "
-      "of its section",
-      config.radius_min_m, config.radius_max_m, config.min_length_radii);
+      "90° of its section{}",
+      config.radius_min_m, config.radius_max_m, config.min_length_radii, time);
 }
 
 Expected<void> apply_radius(const TrackOptions& options, TrackerConfig& config) {

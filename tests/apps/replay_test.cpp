@@ -127,6 +127,7 @@ TEST_F(Replay, ADeadlineIsAFlagAsWellAsASetting) {
   const ProgramEnd hurried = replay({"--deadline-ms", "0.01"});
   EXPECT_EQ(hurried.exit_code, 0) << hurried.err;
   EXPECT_THAT(hurried.out, HasSubstr("\"status\":\"deadline\""));
+  EXPECT_THAT(hurried.err, HasSubstr("; 0.01 ms a frame (deadline) may be too short"));
 }
 
 TEST_F(Replay, ABrokenLineOfTheListIsQuotedInPart) {
