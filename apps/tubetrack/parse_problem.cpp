@@ -29,6 +29,8 @@ std::string unknown_command(const CLI::App& app, const std::string& typed) {
 }
 
 std::string unknown_flag(const CLI::App& app, const CLI::App& chosen, const std::string& typed) {
+  if (chosen.get_option_no_throw(typed) != nullptr)
+    return fmt::format("{}: stands where no flag is read; put it right behind {}", typed, chosen.get_name());
   std::vector<std::string> others, known;
   for (const CLI::App* command : commands_of(app)) {
     if (command->get_option_no_throw(typed) != nullptr) others.push_back(command->get_name());

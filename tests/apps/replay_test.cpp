@@ -453,6 +453,8 @@ TEST_F(Replay, WithoutRecordingOrCommandHelpIsOffered) {
   EXPECT_THAT(alone.err, AllOf(HasSubstr("replay"), HasSubstr("eval")));
   expect_refused(run({"paly"}), 2, {"paly: no such command; see tubetrack --help"});
   expect_refused(run({"reply", "x"}), 2, {"reply: no such command, the nearest is replay; see tubetrack --help"});
+  expect_refused(run({"--radius", "0.02", "replay", "x"}), 2,
+                 {"--radius: stands where no flag is read; put it right behind replay; see"});
   EXPECT_EQ(run({"--version"}).exit_code, 0);
   EXPECT_THAT(run({"--version"}).out, StartsWith("tubetrack "));
   EXPECT_THAT(run({"replay", "--help"}).out, AllOf(HasSubstr("--radius"), HasSubstr("Examples:")));
