@@ -39,8 +39,6 @@ struct EvalOptions {
 
 /// Tracks the whole recording; ends early on Ctrl-C.
 Expected<std::vector<TubeFrame>> track_recording(const EvalOptions& options, const RecordingOptions& reading) {
-  if (options.track.map == "plane")
-    return tl::make_unexpected(Error::usage("--map plane: has no result a frame to score; leave --map out"));
   auto config = config_for_recording(options.track, options.recording);
   if (!config) return tl::make_unexpected(config.error());
   auto recording = open_recording(options.recording, reading);

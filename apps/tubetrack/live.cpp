@@ -67,8 +67,6 @@ Expected<double> status_every_from(const std::string& text) {
 }
 
 Expected<int> live(const LiveOptions& options) {
-  if (options.track.map == "plane")
-    return tl::make_unexpected(Error::usage("--map plane: takes a recording; record this and replay it"));
   auto config = tracker_config_from(options.track);
   if (!config) return tl::make_unexpected(config.error());
   if (options.track.print_config) {
@@ -135,11 +133,7 @@ void add_live(CLI::App& app, int& exit_code) {
       ->add_option("--status-every", options->status_every,
                    "a line on stderr so often: frames, drops, latency from capture to result, jitter")
       ->type_name("SECONDS");
-  command
-      ->add_option(
-          "--deadline-ms", options->track.deadline_ms,
-          "a frame's time: when it is over, known tubes are followed still, new ones are left to the next frame")
-      ->type_name("T");
+  add_deadline_flag(*command, options->track);
   add_output_flags(*command, options->track);
   command->callback([options, &exit_code] {
     const auto code = live(*options);

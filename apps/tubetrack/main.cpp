@@ -3,6 +3,7 @@
 #include <exception>
 
 #include "commands.hpp"
+#include "parse_problem.hpp"
 
 namespace {
 
@@ -33,9 +34,7 @@ int run(int argc, char** argv) {
   } catch (const CLI::Success& success) {  // --help, --version
     return app.exit(success);
   } catch (const CLI::ParseError& problem) {
-    const auto chosen = app.get_subcommands();
-    const std::string name = chosen.empty() ? "tubetrack" : "tubetrack " + chosen.front()->get_name();
-    fmt::print(stderr, "tubetrack: {}; see {} --help\n", problem.what(), name);
+    fmt::print(stderr, "tubetrack: {}\n", tubetrack::parse_problem(app, problem));
     return 2;
   }
   if (app.get_subcommands().empty()) {

@@ -114,6 +114,7 @@ Expected<int> run_plane_map(FrameSource& source, const TrackerConfig& config, co
     return tl::make_unexpected(written.error());
   }
   if (!options.quiet) {
+    print_tubes(result->tubes);
     fmt::print(stderr,
                "{} frames in a map of {} x {} cells of {:.2g} mm ({} bad or without a pose left out); {} tube(s)\n",
                fused->fused, file.width, file.height, 1e3 * file.cell_size_m, fused->left_out, result->tubes.size());

@@ -29,18 +29,23 @@ Examples:
   tubetrack replay around/ --map plane --save-heightmap table.png)";
 
 struct ReplayOptions {
-  std::string recording, save_heightmap, cell_size;
+  std::string recording, map, save_heightmap, cell_size;
   TrackOptions track;
   RecordingFlags reading;
 };
 
 Expected<PlaneRunOptions> plane_options_from(const ReplayOptions& options, const TrackerConfig& config) {
   PlaneRunOptions plane;
-  const bool asked = options.track.map == "plane";
+  const bool asked = options.map == "plane";
+  if (!asked && !options.map.empty() && options.map != "image")
+    return malformed("--map", options.map, "image or plane");
   if (!asked && !(options.save_heightmap.empty() && options.cell_size.empty()))
     return tl::make_unexpected(Error::usage("--save-heightmap, --cell-size: belong to --map plane; give that as well"));
   if (asked && !options.track.overlay.empty())
     return tl::make_unexpected(Error::usage("--overlay: is drawn a frame, and --map plane has one result; give one"));
+  if (asked && !options.track.deadline_ms.empty())
+    return tl::make_unexpected(
+        Error::usage("--deadline-ms: is a frame's, and --map plane has one result; give one of the two"));
   if (asked && config.varying_radius)
     return tl::make_unexpected(Error::usage("--varying-radius: is not looked for with --map plane; give one"));
   if (!options.cell_size.empty()) {
@@ -70,7 +75,7 @@ Expected<int> replay(const ReplayOptions& options) {
     fmt::print("{}", config_text(*config));
     return 0;
   }
-  const bool plane = options.track.map == "plane";
+  const bool plane = options.map == "plane";
   auto plane_options = plane_options_from(options, *config);
   if (!plane_options) return tl::make_unexpected(plane_options.error());
   auto reading = recording_options_from(options.reading);
@@ -103,11 +108,18 @@ void add_replay(CLI::App& app, int& exit_code) {
   command->add_option("RECORDING", options->recording, "the recording to read");
   add_tracker_flags(*command, options->track);
   add_recording_flags(*command, options->reading);
+  add_deadline_flag(*command, options->track);
   command
       ->add_option(
           "--pace", options->reading.pace,
           "fast: every frame, as quickly as it goes (default); realtime: as recorded, dropping what is too late")
       ->type_name("fast|realtime");
+  command
+      ->add_option(
+          "--map", options->map,
+          "image (the default): the tubes of every frame; plane: all frames fused into one map of heights over "
+          "the largest plane, and the tubes of that map, in one line at the end")
+      ->type_name("image|plane");
   command
       ->add_option("--save-heightmap", options->save_heightmap,
                    "with --map plane: write the heights as a 16-bit PNG, and a .json beside it, for `tubetrack scan`")

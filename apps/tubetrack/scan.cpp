@@ -41,7 +41,7 @@ Examples:
 Exit codes: 0 done; 1 unreadable, no tube in it, or out of tolerance; 2 wrong usage. docs/scans.md has more.)";
 
 /// How large the file was and in which unit it was taken to be.
-void print_scan(const ScanFlags& flags, const Scan& scan, std::size_t surfels, double seconds) {
+void print_scan(const ScanFlags& flags, const Scan& scan, double own_step_m, std::size_t surfels, double seconds) {
   fmt::print(stderr, "{}: {}", flags.file, name_of(scan.kind));
   if (scan.kind == ScanKind::mesh) fmt::print(stderr, ", {} faces", scan.faces.size());
   if (scan.kind == ScanKind::cloud) fmt::print(stderr, ", {} points", scan.points_m.size());
@@ -55,32 +55,39 @@ void print_scan(const ScanFlags& flags, const Scan& scan, std::size_t surfels, d
   }
   fmt::print(stderr, "; grid step {:.4g} mm; read in {:.2f} s\n", 1e3 * scan.grid_step_m, seconds);
   for (const std::string& note : scan.notes) fmt::print(stderr, "note: {}\n", note);
+  constexpr double kMuchFiner = 4.0;
+  if (kMuchFiner * scan.grid_step_m < own_step_m)
+    fmt::print(stderr, "note: --grid-step {}: finer than the scan's own {:.3g} m; the search takes much longer\n",
+               flags.grid_step, own_step_m);
 }
 
-void print_tubes(const TubeFrame& frame, std::span<const TubeJoint> joints) {
-  for (const Tube& tube : frame.tubes) {
-    fmt::print(stderr, "tube {}: {}radius {:.3f} ± {:.3f} mm", tube.id, tube.closed ? "closed, " : "",
-               1e3 * tube.radius_m, 1e3 * tube.radius_sigma_m);
-    if (!tube.node_radius_m.empty()) {
-      const auto [least, most] = std::ranges::minmax_element(tube.node_radius_m);
-      fmt::print(stderr, " on average, {:.3f} to {:.3f} along it", 1e3 * *least, 1e3 * *most);
-    }
-    fmt::print(stderr, ", length {:.1f} mm", 1e3 * tube.length_m);
-    int arcs = 0, straights = 0, free = 0;
-    for (const Segment& segment : tube.segments) {
-      arcs += segment.type == Segment::Type::arc ? 1 : 0;
-      straights += segment.type == Segment::Type::straight ? 1 : 0;
-      free += segment.type == Segment::Type::free ? 1 : 0;
-    }
-    fmt::print(stderr, ", {} straight, {} toric, {} free\n", straights, arcs, free);
-  }
+void print_joints(std::span<const TubeJoint> joints) {
   for (const TubeJoint& joint : joints) {
     std::string parts;
     for (const TubeJoint::Part& part : joint.parts)
       parts += fmt::format("{}tube {} ({})", parts.empty() ? "" : ", ", part.tube, joint_part_name(part.at));
     fmt::print(stderr, "joint: {}\n", parts);
   }
+}
+
+/// Why a scan without a tube has none, as far as that can be told.
+Error no_tube(const ScanFlags& flags, const ScanTubesConfig& config) {
+  const std::string radii = config.radius_m ? fmt::format("{:.4g}", *config.radius_m)
+                                            : fmt::format("{:.4g} to {:.4g}", config.radius_min_m, config.radius_max_m);
+  return Error::failed(fmt::format("{}: no tube of radius {} m found; {}", flags.file, radii,
+                                   config.radius_m || !flags.radius_range.empty()
+                                       ? "radii are in metres, whatever --unit says; leave it out to look for all"
+                                       : "check --unit, or give --radius-range"));
+}
+
+void print_found(const ScanFlags& flags, const TubeFrame& frame, std::span<const TubeJoint> joints) {
+  print_tubes(frame.tubes);
+  print_joints(joints);
   fmt::print(stderr, "{} tube(s) in {:.2f} s\n", frame.tubes.size(), 1e-3 * frame.latency_ms);
+  const bool table = std::ranges::any_of(frame.tubes, [](const Tube& tube) { return !tube.bend_table.lra.empty(); });
+  if (!table && !(flags.outputs.lra.empty() && flags.outputs.xyz.empty()))
+    fmt::print(stderr,
+               "note: --xyz, --lra: no tube has a bend table; each has a part that is neither straight nor toric\n");
 }
 
 Expected<void> write_line(const std::string& line, const std::string& path) {
@@ -111,13 +118,14 @@ Expected<void> run_scan(const ScanFlags& flags) {
     return tl::make_unexpected(read.error());
   }
   if (auto fit = check_flags_fit(flags, scan.kind); !fit) return fit;
-  scan.grid_step_m = step_m.value_or(scan.grid_step_m);
+  const double own_step_m = std::exchange(scan.grid_step_m, step_m.value_or(scan.grid_step_m));
   ScanSurfelOptions surfel_options;
   surfel_options.normals = *normals;
   const std::vector<ScanSurfel> surfels = surfels_of(scan, surfel_options);
   const std::chrono::duration<double> seconds = std::chrono::steady_clock::now() - begin;
-  if (!flags.quiet) print_scan(flags, scan, surfels.size(), seconds.count());
+  if (!flags.quiet) print_scan(flags, scan, own_step_m, surfels.size(), seconds.count());
   config.cell_m = step_m;
+  if (auto fit = check_lengths_fit(flags, config, surfels); !fit) return fit;
   TubeFrame frame;
   if (auto found = tubes_of_scan(scan, surfels, config, flags.radius_range.empty() && !config.radius_m)) {
     frame = std::move(*found);
@@ -128,22 +136,10 @@ Expected<void> run_scan(const ScanFlags& flags) {
   const std::vector<NominalComparison> compared = compare_with_nominal(nominal->tubes, frame.tubes);
   const std::string line = line_with_findings(frame, !flags.no_timing, {joints, compared, nominal->tolerance_m});
   if (auto written = write_line(line, flags.out); !written) return written;
-  if (frame.tubes.empty()) {
-    return tl::make_unexpected(Error::failed(
-        fmt::format("{}: no tube of radius {:.4g} to {:.4g} m found; {}", flags.file,
-                    config.radius_m.value_or(config.radius_min_m), config.radius_m.value_or(config.radius_max_m),
-                    config.radius_m || !flags.radius_range.empty()
-                        ? "radii are in metres, whatever --unit says; leave it out to look for all"
-                        : "check --unit, or give --radius-range")));
-  }
-  if (!flags.quiet) {
-    print_tubes(frame, joints);
-    const bool table = std::ranges::any_of(frame.tubes, [](const Tube& tube) { return !tube.bend_table.lra.empty(); });
-    if (!table && !(flags.outputs.lra.empty() && flags.outputs.xyz.empty()))
-      fmt::print(stderr,
-                 "note: --xyz, --lra: no tube has a bend table; each has a part that is neither straight nor toric\n");
-  }
+  if (!flags.quiet && !frame.tubes.empty()) print_found(flags, frame, joints);
+  // Without a tube as well, or those of an earlier run would be taken for this one's.
   if (auto written = write_scan_outputs(flags.outputs, scan, surfels, frame.tubes); !written) return written;
+  if (frame.tubes.empty()) return tl::make_unexpected(no_tube(flags, config));
   if (!flags.quiet) print_nominal(compared);
   return judge_nominal(flags.file, compared, nominal->tolerance_m);
 }

@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <Eigen/Geometry>
 #include <initializer_list>
 #include <utility>
 
@@ -123,6 +124,31 @@ Expected<void> check_flags_fit(const ScanFlags& flags, ScanKind kind) {
     const std::string_view article = voxels ? "" : "a ";
     return tl::make_unexpected(Error::usage(fmt::format("{} {}: does nothing for {}{}, only for {}; leave it out",
                                                         rule.flag, rule.value, article, name_of(kind), rule.of)));
+  }
+  return {};
+}
+
+Expected<void> check_lengths_fit(const ScanFlags& flags, const ScanTubesConfig& config,
+                                 std::span<const ScanSurfel> surfels) {
+  Eigen::AlignedBox3f box;
+  for (const ScanSurfel& surfel : surfels) box.extend(surfel.position_m);
+  if (box.isEmpty()) return {};
+  // A tube that is seen over a quarter of its section and is 1.5 radii long is two radii from corner to corner.
+  const double half_m = 0.5 * static_cast<double>(box.diagonal().norm());
+  struct Length {
+    const char* flag;
+    const std::string& text;
+    double value_m;
+  };
+  const Length lengths[] = {{"--radius", flags.radius, config.radius_m.value_or(0.0)},
+                            {"--radius-range", flags.radius_range, config.radius_min_m},
+                            {"--grid-step", flags.grid_step, config.cell_m.value_or(0.0)}};
+  for (const auto& [flag, text, value_m] : lengths) {
+    if (text.empty() || value_m <= half_m) continue;
+    return tl::make_unexpected(Error::usage(
+        fmt::format("{} {}: {:g} m is too large for a scan of {:.3g} m from corner to corner; takes metres, at most "
+                    "half of that: is it in millimetres?",
+                    flag, text, value_m, 2.0 * half_m)));
   }
   return {};
 }

@@ -2,6 +2,7 @@
 
 #include <CLI/CLI.hpp>
 #include <optional>
+#include <span>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -34,6 +35,10 @@ Expected<GridNormals> normals_from(const ScanFlags& flags);
 
 /// An error where a flag was given that says nothing about this kind of scan.
 Expected<void> check_flags_fit(const ScanFlags& flags, ScanKind kind);
+
+/// An error where a length was given that is larger than the scan: most likely in millimetres.
+Expected<void> check_lengths_fit(const ScanFlags& flags, const ScanTubesConfig& config,
+                                 std::span<const ScanSurfel> surfels);
 
 /// mesh, point cloud, voxels, height map.
 std::string_view name_of(ScanKind kind);

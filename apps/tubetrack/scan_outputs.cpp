@@ -57,6 +57,12 @@ Expected<void> write_tables(const ScanOutputs& outputs, std::span<const Tube> tu
 /// By the program beside this one, which says in lines what it left out, and at last that it is done or why not.
 Expected<void> write_step_file(const std::string& path, std::span<const Tube> tubes) {
   if (path.empty()) return {};
+  if (tubes.empty()) {
+    std::error_code ignored;
+    if (std::filesystem::exists(path, ignored))
+      fmt::print(stderr, "note: --step {}: there is no tube to write, it is as it was\n", path);
+    return {};
+  }
   const auto program = ChildProcess::start(kStepProgram, {path});
   if (!program) return tl::make_unexpected(program.error());
   TubeFrame frame;
@@ -89,10 +95,12 @@ Expected<void> write_surfaces(const ScanOutputs& outputs, const Scan& scan, std:
   const SurfaceErrors errors = color_by_distance(surfaces[0], tubes);
   if (!outputs.error_map.empty()) {
     if (auto written = write_mesh(outputs.error_map, surfaces[0]); !written) return written;
-    fmt::print(stderr, "distance of {} points from the tubes: min {:.4f}, median {:.4f}, 95 % {:.4f}, max {:.4f} mm",
-               errors.on_tubes, 1e3 * errors.min_m, 1e3 * errors.median_m, 1e3 * errors.percentile_95_m,
-               1e3 * errors.max_m);
-    fmt::print(stderr, "; {} points belong to no tube\n", errors.off_tubes);
+    if (errors.on_tubes > 0) {
+      fmt::print(
+          stderr, "distance of {} points from the tubes: min {:.4f}, median {:.4f}, 95 % {:.4f}, max {:.4f} mm; ",
+          errors.on_tubes, 1e3 * errors.min_m, 1e3 * errors.median_m, 1e3 * errors.percentile_95_m, 1e3 * errors.max_m);
+    }
+    fmt::print(stderr, "{} points belong to no tube\n", errors.off_tubes);
   }
   if (outputs.picture.empty()) return {};
   return write_scan_picture(outputs.picture, surfaces);

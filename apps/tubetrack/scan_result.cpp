@@ -1,5 +1,9 @@
 #include "scan_result.hpp"
 
+#include <fmt/format.h>
+
+#include <algorithm>
+
 #include "tubetrack/replay/scan_surfels.hpp"
 
 namespace tubetrack {
@@ -31,6 +35,25 @@ Expected<TubeFrame> tubes_of_scan(const Scan& scan, std::span<const ScanSurfel> 
       covariance = pose.linear() * covariance * pose.linear().transpose();
   }
   return frame;
+}
+
+void print_tubes(std::span<const Tube> tubes) {
+  for (const Tube& tube : tubes) {
+    fmt::print(stderr, "tube {}: {}radius {:.3f} ± {:.3f} mm", tube.id, tube.closed ? "closed, " : "",
+               1e3 * tube.radius_m, 1e3 * tube.radius_sigma_m);
+    if (!tube.node_radius_m.empty()) {
+      const auto [least, most] = std::ranges::minmax_element(tube.node_radius_m);
+      fmt::print(stderr, " on average, {:.3f} to {:.3f} along it", 1e3 * *least, 1e3 * *most);
+    }
+    fmt::print(stderr, ", length {:.1f} mm", 1e3 * tube.length_m);
+    int arcs = 0, straights = 0, free = 0;
+    for (const Segment& segment : tube.segments) {
+      arcs += segment.type == Segment::Type::arc ? 1 : 0;
+      straights += segment.type == Segment::Type::straight ? 1 : 0;
+      free += segment.type == Segment::Type::free ? 1 : 0;
+    }
+    fmt::print(stderr, ", {} straight, {} toric, {} free\n", straights, arcs, free);
+  }
 }
 
 }  // namespace tubetrack

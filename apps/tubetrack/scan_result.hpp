@@ -14,4 +14,7 @@ namespace tubetrack {
 Expected<TubeFrame> tubes_of_scan(const Scan& scan, std::span<const ScanSurfel> surfels, ScanTubesConfig& config,
                                   bool any_radius);
 
+/// For people, on stderr: a line a tube.
+void print_tubes(std::span<const Tube> tubes);
+
 }  // namespace tubetrack

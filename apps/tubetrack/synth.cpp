@@ -87,7 +87,9 @@ void add_synth(CLI::App& app, int& exit_code) {
   command->add_option("PATH", options->path, "folder to write; an earlier recording in it is overwritten");
   command->add_flag("--list", options->list, "print the presets' names and end");
   command->add_option("--frames", options->frames, "number of frames, in place of the scene's");
-  command->add_option("--seed", options->seed, "seed of the noise, in place of the scene's");
+  // CLI11 lets a number below 0 wrap around.
+  command->add_option("--seed", options->seed, "seed of the noise, in place of the scene's")
+      ->check([](const std::string& text) { return std::string(text.starts_with('-') ? "is below 0" : ""); });
   command->add_option("--depth-scale", options->metres_per_unit,
                       "metres per unit of the 16-bit images [0.001; 0.0001 with --no-noise]");
   command->add_flag("--no-noise", options->no_noise, "exact depth: every part of the noise off");

@@ -17,15 +17,18 @@ namespace tubetrack {
 namespace {
 
 std::string hint_without_tubes(const TrackerConfig& config) {
+  const std::string time =
+      config.deadline_ms
+          ? fmt::format("; {:g} ms a frame (deadline) may be too short to look for one", *config.deadline_ms)
+          : "";
   if (config.radius_m) {
-    return fmt::format("no tube of radius {:g} m was found; leave --radius out to see which there are",
-                       *config.radius_m);
+    return fmt::format("no tube of radius {:g} m was found; leave --radius out to see which there are{}",
+                       *config.radius_m, time);
   }
   return fmt::format(
       "no tube of radius {:g} to {:g} m was found; one is at least 8 pixels wide and {:g} radii long, and seen over "
-      "90° "
-      "of its section",
-      config.radius_min_m, config.radius_max_m, config.min_length_radii);
+      "90° of its section{}",
+      config.radius_min_m, config.radius_max_m, config.min_length_radii, time);
 }
 
 Expected<void> apply_radius(const TrackOptions& options, TrackerConfig& config) {
@@ -95,9 +98,17 @@ Expected<void> apply_machine(const TrackOptions& options, TrackerConfig& config)
     config.deadline_ms = number_from<double>(options.deadline_ms);
     if (!config.deadline_ms) return malformed("--deadline-ms", options.deadline_ms, "milliseconds, like 20");
   }
-  if (!options.map.empty() && options.map != "image" && options.map != "plane")
-    return malformed("--map", options.map, "image or plane");
   return {};
+}
+
+/// Names of fields within a message.
+std::string in_words(std::string message) {
+  const std::pair<std::string_view, std::string_view> words[] = {
+      {"radius_min_m", "MIN"}, {"depth_min_m", "MIN"}, {"depth_max_m", "the depths that are looked at"}};
+  for (const auto& [field, word] : words) {
+    if (const std::size_t at = message.find(field); at != std::string::npos) message.replace(at, field.size(), word);
+  }
+  return message;
 }
 
 /// validate() names fields of the configuration; who typed a flag wants to read the flag.
@@ -113,7 +124,7 @@ std::string with_flag_name(const TrackOptions& options, const std::string& messa
       {"deadline_ms:", {"--deadline-ms", &options.deadline_ms}}};
   for (const auto& [field, flag] : flags) {
     if (message.starts_with(field) && !flag.second->empty()) {
-      return fmt::format("{} {}: {}", flag.first, *flag.second, message);
+      return fmt::format("{} {}: {}", flag.first, *flag.second, in_words(message.substr(message.find(' ') + 1)));
     }
   }
   return message;
@@ -136,17 +147,20 @@ void add_tracker_flags(CLI::App& command, TrackOptions& options) {
                   "the sensor's noise: kinect1, stereo, tof, synthetic, or a file of `tubetrack calibrate-noise`")
       ->type_name("NAME|FILE");
   command
-      .add_option("--map", options.map,
-                  "the height map's grid: image (the depth pixels); plane (replay only): all frames fused into heights "
-                  "over the largest plane, and the tubes of that map, in one line at the end")
-      ->type_name("image|plane");
-  command
       .add_option("--threads", options.threads,
                   "threads that share the work on each frame, 1 to 16 (default: 1); results do not depend on it")
       ->type_name("N");
   command.add_option("--config", options.config, "settings from a JSON file; flags win over it")->type_name("FILE");
   command.add_flag("--print-config", options.print_config,
                    "print every setting as used, as JSON for --config, and end");
+}
+
+void add_deadline_flag(CLI::App& command, TrackOptions& options) {
+  command
+      .add_option(
+          "--deadline-ms", options.deadline_ms,
+          "a frame's time: when it is over, known tubes are followed still, new ones are left to the next frame")
+      ->type_name("T");
 }
 
 void add_output_flags(CLI::App& command, TrackOptions& options) {

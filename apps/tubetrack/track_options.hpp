@@ -13,16 +13,18 @@ namespace tubetrack {
 /// The flags as typed: empty where not given. They are read here, not by CLI11, so that a malformed value gives one
 /// line with the flag, the value and the form it takes.
 struct TrackOptions {
-  std::string radius, radius_range, config, threads, map, noise, depth_range, roi, deadline_ms;
+  std::string radius, radius_range, config, threads, noise, depth_range, roi, deadline_ms;
   std::string out, overlay;
   NominalFlags nominal;
   bool varying_radius = false, view = false, no_timing = false, strict = false, quiet = false, print_config = false;
 };
 
-/// Flags about what is tracked: --radius, --radius-range, --varying-radius, --config, --threads, --map, --noise,
-/// --depth-range, --roi,
-/// --print-config.
+/// Flags about what is tracked: --radius, --radius-range, --varying-radius, --config, --threads, --noise,
+/// --depth-range,
+/// --roi, --print-config.
 void add_tracker_flags(CLI::App& command, TrackOptions& options);
+/// --deadline-ms.
+void add_deadline_flag(CLI::App& command, TrackOptions& options);
 /// Flags about what comes out: --nominal, --tolerance, --out, --overlay, --view, --no-timing, --strict, --quiet.
 void add_output_flags(CLI::App& command, TrackOptions& options);
 

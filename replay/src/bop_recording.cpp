@@ -9,6 +9,7 @@
 #include "recorded_sequence.hpp"
 #include "refusal.hpp"
 #include "text_lines.hpp"
+#include "tubetrack/sensors/json_problem.hpp"
 
 namespace tubetrack {
 
@@ -131,7 +132,7 @@ Expected<RecordedSequence> read_bop_recording(const std::filesystem::path& folde
   } catch (const nlohmann::json::parse_error& error) {
     return failed(fmt::format("no JSON (stops at byte {}); copy it again", error.byte));
   } catch (const std::exception& error) {
-    return failed(error.what());
+    return failed(json_problem(error));
   }
   sequence.notes.push_back(
       fmt::format("{}: no timestamps, {:g} frames a second assumed", folder.string(), kAssumedFramesPerSecond));

@@ -11,6 +11,7 @@
 #include <stdexcept>
 
 #include "image_file.hpp"
+#include "tubetrack/sensors/json_problem.hpp"
 
 namespace tubetrack {
 
@@ -114,7 +115,7 @@ Expected<HeightMapFile> read_height_map_json(const std::filesystem::path& path) 
     return file;
   } catch (const std::exception& problem) {
     return tl::make_unexpected(Error::usage(
-        fmt::format("{}: {}; give --cell-size and --height-scale instead", path.string(), problem.what())));
+        fmt::format("{}: {}; give --cell-size and --height-scale instead", path.string(), json_problem(problem))));
   }
 }
 

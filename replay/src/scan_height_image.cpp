@@ -1,6 +1,9 @@
 #include <fmt/format.h>
 
+#include <optional>
+#include <string>
 #include <system_error>
+#include <utility>
 #include <vector>
 
 #include "image_file.hpp"
@@ -12,18 +15,32 @@ namespace tubetrack {
 
 namespace {
 
+/// The flag's value, where there is one, with a note where the file says another.
+void overrule(const char* flag, std::optional<double> value, const std::filesystem::path& json, double& target,
+              std::vector<std::string>& notes) {
+  if (!value) return;
+  if (target > 0.0 && target != *value)
+    notes.push_back(fmt::format("{} {:g}: in place of {:g} in {}", flag, *value, target, json.string()));
+  target = *value;
+}
+
 /// What the JSON beside the image says, or the flags, which win.
-HeightMapFile described(const std::filesystem::path& path, const ScanOptions& options) {
+HeightMapFile described(const std::filesystem::path& path, const ScanOptions& options,
+                        std::vector<std::string>& notes) {
   HeightMapFile file;
   std::error_code ignored;
   const std::filesystem::path json = height_map_json_path(path);
-  if (!(options.cell_size_m && options.height_scale_m) && std::filesystem::exists(json, ignored)) {
-    auto read = read_height_map_json(json);
-    if (!read) throw ScanRefusal{read.error().message, read.error().kind};
-    file = std::move(*read);
+  if (std::filesystem::exists(json, ignored)) {
+    if (options.cell_size_m && options.height_scale_m) {
+      notes.push_back(fmt::format("--cell-size, --height-scale: {} and the pose in it are not read", json.string()));
+    } else {
+      auto read = read_height_map_json(json);
+      if (!read) throw ScanRefusal{read.error().message, read.error().kind};
+      file = std::move(*read);
+    }
   }
-  file.cell_size_m = options.cell_size_m.value_or(file.cell_size_m);
-  file.height_scale_m = options.height_scale_m.value_or(file.height_scale_m);
+  overrule("--cell-size", options.cell_size_m, json, file.cell_size_m, notes);
+  overrule("--height-scale", options.height_scale_m, json, file.height_scale_m, notes);
   if (file.cell_size_m > 0.0 && file.height_scale_m > 0.0) return file;
   throw ScanRefusal{fmt::format("a height map takes {}; give both, in metres: --cell-size 0.0005 --height-scale "
                                 "0.00001",
@@ -35,7 +52,8 @@ HeightMapFile described(const std::filesystem::path& path, const ScanOptions& op
 }  // namespace
 
 Scan read_height_image(const std::filesystem::path& path, const ScanOptions& options) {
-  HeightMapFile file = described(path, options);
+  std::vector<std::string> notes;
+  HeightMapFile file = described(path, options, notes);
   const auto image = read_depth_image(path);
   if (!image) {
     std::string text = image.error().message;
@@ -50,7 +68,9 @@ Scan read_height_image(const std::filesystem::path& path, const ScanOptions& opt
     const auto* row = image->pixels + static_cast<std::size_t>(v) * (image->stride_bytes / sizeof(std::uint16_t));
     file.counts.insert(file.counts.end(), row, row + file.width);
   }
-  return scan_of(file);
+  Scan scan = scan_of(file);
+  scan.notes = std::move(notes);
+  return scan;
 }
 
 }  // namespace tubetrack

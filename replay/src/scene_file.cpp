@@ -7,6 +7,7 @@
 #include <stdexcept>
 
 #include "tubetrack/replay/synthetic_scene.hpp"
+#include "tubetrack/sensors/json_problem.hpp"
 
 namespace tubetrack {
 
@@ -233,7 +234,7 @@ Expected<Scene> read_scene_file(const std::filesystem::path& path) {
     if (auto valid = validate(scene); !valid) return failed(valid.error().message);
     return scene;
   } catch (const std::exception& problem) {
-    return failed(problem.what());
+    return failed(json_problem(problem));
   }
 }
 

@@ -6,6 +6,8 @@
 #include <fstream>
 #include <nlohmann/json.hpp>
 
+#include "tubetrack/sensors/json_problem.hpp"
+
 namespace tubetrack {
 
 namespace {
@@ -61,8 +63,8 @@ Expected<std::vector<TruthFrame>> read_truth(const std::filesystem::path& path) 
     try {
       frames.push_back(parse_frame(line));
     } catch (const std::exception& problem) {
-      return tl::make_unexpected(Error::failed(
-          fmt::format("{}: line {}: {}; write it again with tubetrack synth", path.string(), number, problem.what())));
+      return tl::make_unexpected(Error::failed(fmt::format("{}: line {}: {}; write it again with tubetrack synth",
+                                                           path.string(), number, json_problem(problem))));
     }
   }
   return frames;

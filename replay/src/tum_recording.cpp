@@ -8,6 +8,8 @@ namespace tubetrack {
 
 namespace {
 
+constexpr std::size_t kQuoted = 60;  // of a broken line
+
 Expected<void> read_depth_list(const std::filesystem::path& folder, RecordedSequence& sequence) {
   const std::filesystem::path list = folder / "depth.txt";
   const auto lines = read_text_lines(list);
@@ -22,8 +24,8 @@ Expected<void> read_depth_list(const std::filesystem::path& folder, RecordedSequ
       sequence.notes.push_back(
           fmt::format("{}:{}: the last line is cut short and left out", list.string(), line.number));
     } else {
-      return tl::make_unexpected(Error::failed(
-          fmt::format("{}:{}: got \"{}\", takes: timestamp filename", list.string(), line.number, line.text)));
+      return tl::make_unexpected(Error::failed(fmt::format("{}:{}: got \"{}\", takes: timestamp filename",
+                                                           list.string(), line.number, line.text.substr(0, kQuoted))));
     }
   }
   if (sequence.frames.empty()) {

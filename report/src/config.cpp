@@ -7,9 +7,11 @@
 #include <cstring>
 #include <fstream>
 #include <nlohmann/json.hpp>
-#include <numeric>
 #include <sstream>
 #include <vector>
+
+#include "tubetrack/report/nearest_name.hpp"
+#include "tubetrack/sensors/json_problem.hpp"
 
 namespace tubetrack {
 
@@ -65,29 +67,13 @@ struct Refusal {
   std::string message;
 };
 
-std::size_t edit_distance(const std::string& a, const std::string& b) {
-  std::vector<std::size_t> row(b.size() + 1);
-  std::iota(row.begin(), row.end(), std::size_t{0});
-  for (std::size_t i = 0; i < a.size(); ++i) {
-    std::size_t diagonal = std::exchange(row[0], i + 1);
-    for (std::size_t j = 0; j < b.size(); ++j) {
-      const std::size_t substituted = diagonal + (a[i] == b[j] ? 0 : 1);
-      diagonal = std::exchange(row[j + 1], std::min({row[j] + 1, row[j + 1] + 1, substituted}));
-    }
-  }
-  return row.back();
-}
-
 void refuse_unknown_keys(const Json& json, const std::vector<std::string>& known, const std::string& prefix) {
   for (const auto& item : json.items()) {
     const std::string& key = item.key();
     if (std::find(known.begin(), known.end(), key) != known.end()) continue;
-    const auto nearest = std::min_element(known.begin(), known.end(), [&key](const auto& a, const auto& b) {
-      return edit_distance(key, a) < edit_distance(key, b);
-    });
-    const bool close = edit_distance(key, *nearest) <= std::max<std::size_t>(2, key.size() / 3);
+    const auto nearest = nearest_name(key, known);
     throw Refusal{fmt::format("{}{}: unknown key{}; known are {}", prefix, key,
-                              close ? fmt::format(", did you mean {}?", *nearest) : "", fmt::join(known, ", "))};
+                              nearest ? fmt::format(", did you mean {}?", *nearest) : "", fmt::join(known, ", "))};
   }
 }
 
@@ -170,8 +156,7 @@ auto guarded(const std::string& text, const std::string& name, Read&& read) -> E
   } catch (const Refusal& refusal) {
     return tl::make_unexpected(Error::usage(fmt::format("{}: {}", name, refusal.message)));
   } catch (const Json::exception& problem) {
-    const std::string_view what = problem.what();  // after the library's own "[json.exception.…] "
-    return tl::make_unexpected(Error::usage(fmt::format("{}: is no JSON: {}", name, what.substr(what.find(' ') + 1))));
+    return tl::make_unexpected(Error::usage(fmt::format("{}: is no JSON: {}", name, json_problem(problem))));
   }
 }
 

@@ -1,5 +1,6 @@
 #include <fmt/format.h>
 
+#include <Eigen/Geometry>
 #include <array>
 #include <charconv>
 #include <cmath>
@@ -54,7 +55,16 @@ Expected<std::vector<NominalTube>> read_nominal_csv(const std::filesystem::path&
       return refuse(number, line, "a point apart from the one before");
     xyz_m.push_back(point_m);
   }
+  // Tubes that are bent are some metres long, or some thousand millimetres.
+  constexpr double kMost_m = 100.0;
   for (const NominalTube& tube : tubes) {
+    Eigen::AlignedBox3d box;
+    for (const Eigen::Vector3d& point_m : tube.xyz_m) box.extend(point_m);
+    if (const double span_m = box.diagonal().norm(); span_m > kMost_m)
+      return tl::make_unexpected(
+          Error::failed(fmt::format("{}: the points of tube {} span {:.0f} m, takes metres, at most {:g}: are they in "
+                                    "millimetres?",
+                                    path.string(), tube.id, span_m, kMost_m)));
     if (tube.xyz_m.size() < 2)
       return tl::make_unexpected(
           Error::failed(fmt::format("{}: tube {} has one point; give both ends at least", path.string(), tube.id)));

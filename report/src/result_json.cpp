@@ -7,6 +7,7 @@
 #include <nlohmann/json.hpp>
 
 #include "rounded.hpp"
+#include "tubetrack/sensors/json_problem.hpp"
 
 namespace tubetrack {
 
@@ -221,7 +222,7 @@ Expected<TubeFrame> parse_result_line(std::string_view line) {
   try {
     return frame_from(Json::parse(line));
   } catch (const std::exception& problem) {
-    return tl::make_unexpected(Error::failed(fmt::format("not a result of tubetrack: {}", problem.what())));
+    return tl::make_unexpected(Error::failed(fmt::format("not a result of tubetrack: {}", json_problem(problem))));
   }
 }
 

@@ -8,6 +8,7 @@
 
 #include "rounded.hpp"
 #include "tubetrack/report/result_json.hpp"
+#include "tubetrack/sensors/json_problem.hpp"
 
 namespace tubetrack {
 
@@ -102,7 +103,7 @@ Expected<ScanResult> parse_scan_line(std::string_view line) {
       if (nominal.contains("tolerance_m")) result.tolerance_m = nominal.at("tolerance_m").get<double>();
     }
   } catch (const std::exception& problem) {
-    return tl::make_unexpected(Error::failed(std::string("not a result of tubetrack: ") + problem.what()));
+    return tl::make_unexpected(Error::failed("not a result of tubetrack: " + json_problem(problem)));
   }
   return result;
 }

@@ -85,12 +85,20 @@ TEST_F(Eval, WhatCannotBeScoredIsNamed) {
   EXPECT_THAT(nonsense.err, HasSubstr("truth.jsonl"));
 }
 
+TEST_F(Eval, FlagsOfReplayAloneAreNotItsOwn) {
+  EXPECT_THAT(run({"eval", "--help"}).out, testing::Not(HasSubstr("--map")));
+  const ProgramEnd end = run({"eval", path(), "--map", "plane"});
+  EXPECT_EQ(end.exit_code, 2);
+  EXPECT_EQ(end.err, "tubetrack: --map: is a flag of replay alone; see tubetrack eval --help\n");
+}
+
 TEST_F(Eval, ABrokenResultFileIsNamedWithItsLine) {
   make_recording();
   write_text(output_ / "a.jsonl", perfect_lines(recording_ / "truth.jsonl") + "{\"frame\": 3}\n");
   const ProgramEnd end = run({"eval", path(), (output_ / "a.jsonl").string()});
   EXPECT_EQ(end.exit_code, 1);
   EXPECT_THAT(end.err, HasSubstr("a.jsonl, line 4:"));
+  EXPECT_THAT(end.err, testing::Not(HasSubstr("json.exception"))) << end.err;
   EXPECT_EQ(run({"eval", path(), "--skip", "few"}).exit_code, 2);
   EXPECT_EQ(run({"eval"}).exit_code, 2);
 }

@@ -152,7 +152,9 @@ TEST_F(Live, WrongUseIsExitCode2InOneLineThatNamesTheFlag) {
               HasSubstr("give a file in an existing folder"));
   EXPECT_EQ(refused({"live", "--deadline-ms", "5ms"}), "tubetrack: --deadline-ms 5ms: takes milliseconds, like 20\n");
   EXPECT_EQ(refused({"live", "--deadline-ms", "0"}),
-            "tubetrack: --deadline-ms 0: deadline_ms: got 0, takes milliseconds, 0.01 to 1000000\n");
+            "tubetrack: --deadline-ms 0: got 0, takes milliseconds, 0.01 to 1000000\n");
+  EXPECT_EQ(refused({"live", "--map", "plane"}),
+            "tubetrack: --map: is a flag of replay alone; see tubetrack live --help\n");
   EXPECT_EQ(refused({"live", "--depth-scale", "0.001"}),
             "tubetrack: --depth-scale: a device says its own unit; leave it out\n");
   EXPECT_EQ(refused({"live", "--on-reconnect", "maybe"}),

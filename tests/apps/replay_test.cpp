@@ -66,6 +66,7 @@ TEST_F(Replay, PlaneMapAndAScanOfItsHeightMapGiveTheSameTubes) {
   ASSERT_EQ(fused.exit_code, 0) << fused.err;
   ASSERT_THAT(fused.out_lines(), SizeIs(1));
   EXPECT_EQ(schema_complaints(fused.out_lines(), output_.path()), "");
+  EXPECT_THAT(fused.err, AllOf(HasSubstr("tube 1: radius 1"), HasSubstr("tube 2: radius ")));
   const ProgramEnd scanned = run({"scan", image, "--no-timing"});
   ASSERT_EQ(scanned.exit_code, 0) << scanned.err;
   const auto whole = parse_result_line(fused.out_lines()[0]);
@@ -117,6 +118,24 @@ TEST_F(Replay, TubesAreJudgedAgainstNominalOnesInEveryFrameAndAtTheEnd) {
   refuse({"--nominal", moved, "--out", out, "--map", "plane"}, 1, {"nominal tube 1 is out of tolerance"});
   refuse({}, 2, {"--tolerance", "--nominal FILE.csv"});
   refuse({"--nominal", moved, "--out", moved}, 2, {"--out", "is the --nominal file"});
+}
+
+TEST_F(Replay, ADeadlineIsAFlagAsWellAsASetting) {
+  ASSERT_EQ(run({"synth", "crossing", recording_.path().string(), "--frames", "2"}).exit_code, 0);
+  const ProgramEnd shown = replay({"--deadline-ms", "0.01", "--print-config"});
+  EXPECT_THAT(shown.out, HasSubstr("\"deadline_ms\": 0.01"));
+  const ProgramEnd hurried = replay({"--deadline-ms", "0.01"});
+  EXPECT_EQ(hurried.exit_code, 0) << hurried.err;
+  EXPECT_THAT(hurried.out, HasSubstr("\"status\":\"deadline\""));
+  EXPECT_THAT(hurried.err, HasSubstr("; 0.01 ms a frame (deadline) may be too short"));
+}
+
+TEST_F(Replay, ABrokenLineOfTheListIsQuotedInPart) {
+  make_recording();
+  write_text(recording_ / "depth.txt", std::string(5000, 'q') + "\n");
+  const ProgramEnd end = replay();
+  expect_refused(end, 1, {"depth.txt:1: got \"qqq", "takes: timestamp filename"});
+  EXPECT_LT(end.err.size(), 500U);
 }
 
 TEST_F(Replay, PlaneMapOfFramesWithoutAPlaneSaysSo) {
@@ -415,7 +434,16 @@ INSTANTIATE_TEST_SUITE_P(
         BadFlag{"Intrinsics", {"--intrinsics", "500,500"}, {"--intrinsics 500,500: takes fx,fy,cx,cy"}},
         BadFlag{"IntrinsicsZero", {"--intrinsics", "0,500,8,6"}, {"--intrinsics 0,500,8,6: takes"}},
         BadFlag{"DepthScale", {"--depth-scale", "-1"}, {"--depth-scale -1: takes metres of one depth unit"}},
-        BadFlag{"Unknown", {"--colour", "red"}, {"--colour", "tubetrack replay --help"}}),
+        BadFlag{"PlaneDeadline", {"--map", "plane", "--deadline-ms", "5"}, {"--deadline-ms: is a frame's"}},
+        BadFlag{"Deadline", {"--deadline-ms", "0"}, {"--deadline-ms 0: got 0, takes milliseconds"}},
+        BadFlag{"RangeTooLarge", {"--radius-range", "0.1:20"}, {"--radius-range 0.1:20: got 20, takes metres, MIN to"}},
+        BadFlag{"RadiusTooLarge", {"--radius", "12.5"}, {"tubetrack: --radius 12.5: got 12.5, takes metres"}},
+        BadFlag{"GivenTwice", {"--radius", "1", "--radius", "2"}, {"--radius: is given 2 times, takes M once; see"}},
+        BadFlag{"SwitchWithValue", {"--view=maybe"}, {"--view: takes no value; see"}},
+        BadFlag{"TooMany", {"b", "c"}, {"tubetrack: b: one argument too many; see"}},
+        BadFlag{"OfAnother", {"--tolerence", "1"}, {"--tolerence: no such flag, the nearest is --tolerance; see"}},
+        BadFlag{"OfScan", {"--lra", "a.csv"}, {"tubetrack: --lra: is a flag of scan alone; see"}},
+        BadFlag{"Unknown", {"--colour", "red"}, {"tubetrack: --colour: no such flag; see tubetrack replay --help"}}),
     [](const auto& test) { return test.param.name; });
 
 TEST_F(Replay, WithoutRecordingOrCommandHelpIsOffered) {
@@ -423,7 +451,10 @@ TEST_F(Replay, WithoutRecordingOrCommandHelpIsOffered) {
   const ProgramEnd alone = run({});
   EXPECT_EQ(alone.exit_code, 2);
   EXPECT_THAT(alone.err, AllOf(HasSubstr("replay"), HasSubstr("eval")));
-  expect_refused(run({"paly"}), 2, {"paly"});
+  expect_refused(run({"paly"}), 2, {"paly: no such command; see tubetrack --help"});
+  expect_refused(run({"reply", "x"}), 2, {"reply: no such command, the nearest is replay; see tubetrack --help"});
+  expect_refused(run({"--radius", "0.02", "replay", "x"}), 2,
+                 {"--radius: stands where no flag is read; put it right behind replay; see"});
   EXPECT_EQ(run({"--version"}).exit_code, 0);
   EXPECT_THAT(run({"--version"}).out, StartsWith("tubetrack "));
   EXPECT_THAT(run({"replay", "--help"}).out, AllOf(HasSubstr("--radius"), HasSubstr("Examples:")));

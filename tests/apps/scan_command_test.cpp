@@ -202,6 +202,67 @@ TEST_F(ScanCommand, AScanWithoutATubeSaysSo) {
   EXPECT_EQ(schema_complaints(end.out_lines(), output_.path()), "");
 }
 
+TEST_F(ScanCommand, AScanWithoutATubeLeavesNoTubesOfAnEarlierRun) {
+  const std::vector<std::pair<const char*, const char*>> outputs{
+      {"--centerline", "c.csv"}, {"--xyz", "x.csv"},       {"--lra", "l.csv"},    {"--vtk", "v.vtk"},
+      {"--mesh", "m.stl"},       {"--error-map", "e.ply"}, {"--picture", "p.png"}};
+  std::vector<std::string> flags{
+      write("flat.off", "OFF\n4 2 0\n0 0 0\n100 0 0\n0 100 0\n100 100 0\n3 0 1 2\n3 1 3 2\n")};
+  for (const auto& [flag, name] : outputs) flags.insert(flags.end(), {flag, write(name, "earlier")});
+  const ProgramEnd end = scan(flags);
+  EXPECT_EQ(end.exit_code, 1);
+  EXPECT_THAT(end.err, HasSubstr("4 points belong to no tube"));
+  for (const auto& [flag, name] : outputs) EXPECT_THAT(read_text(folder_ / name), Not(HasSubstr("earlier"))) << name;
+  EXPECT_EQ(lines_of(read_text(folder_ / "x.csv")), std::vector<std::string>{"tube,point,x_m,y_m,z_m"});
+}
+
+TEST_F(ScanCommand, AScanWithoutATubeSaysWhichStepFileIsAsItWas) {
+  const std::string flat = write("flat.off", "OFF\n4 2 0\n0 0 0\n100 0 0\n0 100 0\n100 100 0\n3 0 1 2\n3 1 3 2\n");
+  const ProgramEnd end = scan({flat, "--step", write("p.step", "earlier")});
+  if (end.err.find("libocct-data-exchange-dev") != std::string::npos) GTEST_SKIP() << "built without OpenCASCADE";
+  EXPECT_EQ(end.exit_code, 1);
+  EXPECT_THAT(end.err, HasSubstr("p.step: there is no tube to write, it is as it was"));
+}
+
+TEST_F(ScanCommand, LengthsInMillimetresAreRefusedBeforeTheSearch) {
+  const std::string file = write("pipe.off", off_text(bent_pipe()));
+  for (const auto& [flag, value] : {std::pair("--radius", "6"), {"--radius-range", "4:10"}, {"--grid-step", "0.5"}}) {
+    const ProgramEnd end = scan({file, flag, value});
+    EXPECT_EQ(end.exit_code, 2) << flag;
+    EXPECT_THAT(end.err, HasSubstr(std::string(flag) + " " + value + ": "));
+    EXPECT_THAT(end.err, HasSubstr("m is too large for a scan of 0.1"));
+    EXPECT_THAT(end.err, HasSubstr("is it in millimetres?"));
+    EXPECT_EQ(end.out, "");
+  }
+  const std::string points = write("mm.csv", "tube,point,x_m,y_m,z_m\n1,0,0,0,0\n1,1,1200,0,0\n");
+  const ProgramEnd nominal = scan({file, "--nominal", points});
+  EXPECT_EQ(nominal.exit_code, 1);
+  EXPECT_THAT(nominal.err,
+              HasSubstr("mm.csv: the points of tube 1 span 1200 m, takes metres, at most 100: are they in"));
+}
+
+TEST_F(ScanCommand, AGridStepFarBelowTheScansOwnSaysWhatItCosts) {
+  const std::string file = write("pipe.off", off_text(bent_pipe()));
+  EXPECT_THAT(scan({file, "--grid-step", "0.0005"}).err, Not(HasSubstr("finer")));
+  EXPECT_THAT(scan({file, "--grid-step", "0.00015"}).err,
+              HasSubstr("note: --grid-step 0.00015: finer than the scan's own 0.0"));
+}
+
+TEST_F(ScanCommand, AFlagThatOverrulesAHeightMapsJsonSaysSo) {
+  ASSERT_TRUE(cv::imwrite(path("h.png"), cv::Mat(20, 20, CV_16U, cv::Scalar(100))));
+  write("h.json", R"({"cell_size_m": 0.002, "height_scale_m": 1e-5})");
+  EXPECT_THAT(scan({path("h.png")}).err, Not(HasSubstr("in place of")));
+  EXPECT_THAT(scan({path("h.png"), "--cell-size", "0.002"}).err, Not(HasSubstr("in place of")));
+  EXPECT_THAT(scan({path("h.png"), "--cell-size", "0.001"}).err,
+              HasSubstr("note: --cell-size 0.001: in place of 0.002 in " + path("h.json")));
+  EXPECT_THAT(scan({path("h.png"), "--cell-size", "0.001", "--height-scale", "1e-4"}).err,
+              HasSubstr("note: --cell-size, --height-scale: " + path("h.json") + " and the pose in it are not read"));
+  write("h.json", "nonsense");
+  const ProgramEnd broken = scan({path("h.png")});
+  EXPECT_EQ(broken.exit_code, 2);
+  EXPECT_THAT(broken.err, HasSubstr("h.json: parse error at line 1"));
+}
+
 /// What a script for Debian's own Python prints, where it has VTK; a skipped test where not.
 std::string seen_by_vtk(const TemporaryFolder& folder, const std::string& script) {
   write_bytes(folder / "read.py", script);

@@ -82,9 +82,12 @@ TEST_F(Synth, WhatCannotBeRenderedIsRefusedInOneLine) {
   EXPECT_THAT(refusal({"straight", path(), "--frames", "0"}), HasSubstr("--frames: got 0, takes 1 to 1000000"));
   EXPECT_THAT(refusal({"straight", path(), "--depth-scale", "-1"}), HasSubstr("--depth-scale: got -1, takes"));
   EXPECT_THAT(refusal({"straight", path(), "--depth-scale", "nan"}), HasSubstr("--depth-scale: got nan, takes"));
-  EXPECT_THAT(refusal({"straight", path(), "--seed", "x"}), HasSubstr("--seed"));
+  EXPECT_THAT(refusal({"straight", path(), "--seed", "x"}), HasSubstr("--seed x: takes a whole number, 0 or above"));
+  EXPECT_THAT(refusal({"straight", path(), "--seed", "-3"}), HasSubstr("--seed -3: takes a whole number, 0 or above"));
   write_text(recording_ / "scene.json", R"({"tubs": []})");
   EXPECT_THAT(refusal({(recording_ / "scene.json").string(), path()}), HasSubstr("scene.json: tubs: unknown key"));
+  write_text(recording_ / "scene.json", "{\"tubes\": x}");
+  EXPECT_THAT(refusal({(recording_ / "scene.json").string(), path()}), HasSubstr("scene.json: parse error at line 1"));
   write_text(recording_ / "mine/letter.txt", "dear");
   EXPECT_THAT(refusal({"straight", (recording_ / "mine").string()}), HasSubstr("is not empty"));
   EXPECT_FALSE(std::filesystem::exists(path()));

@@ -188,5 +188,16 @@ TEST(Nominal, FilesThatAreNoGoodAreRefusedByLine) {
   }
 }
 
+TEST(Nominal, PointsInMillimetresAreNotTakenForMetres) {
+  const test::TemporaryFolder folder;
+  write_text(folder / "n.csv", "tube,point,x_m,y_m,z_m\n7,0,0,0,0\n7,1,300,0,0\n7,2,300,400,0\n");
+  const auto read = read_nominal_csv(folder / "n.csv");
+  ASSERT_FALSE(read);
+  EXPECT_THAT(read.error().message, HasSubstr("the points of tube 7 span 500 m, takes metres"));
+  EXPECT_THAT(read.error().message, HasSubstr("are they in millimetres?"));
+  write_text(folder / "n.csv", "tube,point,x_m,y_m,z_m\n7,0,5000,0,0\n7,1,5030,0,0\n");
+  EXPECT_TRUE(read_nominal_csv(folder / "n.csv")) << "far from zero, but short";
+}
+
 }  // namespace
 }  // namespace tubetrack

@@ -2,38 +2,18 @@
 
 #include <fmt/format.h>
 
-#include <Eigen/Geometry>
 #include <algorithm>
 #include <array>
-#include <bit>
 #include <cmath>
-#include <numbers>
 #include <utility>
 
 #include "scan_ends.hpp"
 #include "scan_section.hpp"
+#include "scan_stations.hpp"
 
 namespace tubetrack {
 
 namespace {
-
-constexpr double kStationRadii = 0.5;
-constexpr double kAgreeRadii = 0.2, kMostAgreeRadii = 0.25, kAgreeSigmas = 3.0;
-constexpr double kAgreeFacing = 0.85;  // 32°
-constexpr double kUnseenRadii = 3.0;
-
-/// Axes across the line at each station, carried along without a turn.
-std::vector<SectionAxes> frames_along(const Spline& spline, const std::vector<ScanStation>& stations) {
-  std::vector<SectionAxes> frames;
-  Eigen::Vector3d e1 = Eigen::Vector3d::Zero();
-  for (const ScanStation& station : stations) {
-    const Eigen::Vector3d along = derivative_at(spline, station.t).normalized();
-    e1 -= e1.dot(along) * along;
-    e1 = e1.norm() > 1e-3 ? Eigen::Vector3d(e1.normalized()) : Eigen::Vector3d(along.unitOrthogonal());
-    frames.push_back({e1.cast<float>(), along.cross(e1).cast<float>()});
-  }
-  return frames;
-}
 
 struct RadiusSums {
   double count = 0.0, sum = 0.0, squares = 0.0;
@@ -44,79 +24,6 @@ struct RadiusSums {
     squares += radius_m * radius_m;
   }
 };
-
-struct Sections {
-  std::vector<std::uint64_t> by_place, by_normal;  // one a station
-  std::vector<double> agreeing;                    // how many surfels
-  std::vector<std::uint32_t> places;               // of the points that agree: kBins · station + bin, else kNowhere
-};
-constexpr std::uint32_t kNowhere = 0xFFFFFFFF;
-
-void set_arcs(const Sections& sections, double min_arc_rad, std::vector<ScanStation>& stations) {
-  for (std::size_t i = 0; i < stations.size(); ++i) {
-    std::uint64_t places = 0, normals = 0;
-    for (std::size_t k = i > 0 ? i - 1 : 0; k <= std::min(i + 1, stations.size() - 1); ++k) {
-      places |= sections.by_place[k];
-      normals |= sections.by_normal[k];
-    }
-    stations[i].arc_rad = kBin_rad * std::min(std::popcount(places), std::popcount(normals));
-    stations[i].seen = stations[i].agree > 0.0 && stations[i].arc_rad >= min_arc_rad;
-  }
-}
-
-/// First and last station of the run with the most seen ones; (1, 0) for none.
-std::pair<std::size_t, std::size_t> best_run(const std::vector<ScanStation>& stations) {
-  const auto max_gap = static_cast<std::size_t>(kUnseenRadii / kStationRadii);
-  std::pair<std::size_t, std::size_t> best{1, 0}, run{1, 0};
-  int best_count = 0, count = 0;
-  for (std::size_t i = 0; i < stations.size(); ++i) {
-    if (!stations[i].seen) continue;
-    if (count == 0 || i - run.second > max_gap + 1) {
-      run = {i, i};
-      count = 0;
-    }
-    run.second = i;
-    if (++count > best_count) {
-      best_count = count;
-      best = run;
-    }
-  }
-  return best;
-}
-
-/// What is looked at, and how.
-struct Look {
-  std::span<const CellSurfel> surfels;
-  const std::vector<SurfacePoint>& points;
-  double per_point = 1.0;  ///< surfels that each stands for
-  double radius_m = 0.0;
-  double agree_m = 0.0;        ///< how far off a surfel that agrees is at most
-  double station_spans = 0.0;  ///< from one to the next
-  double stations_per_span = 0.0;
-  std::vector<SectionAxes> axes;  ///< of the stations
-
-  std::size_t station_of(const SurfacePoint& point) const {
-    return std::min(static_cast<std::size_t>(point.t * stations_per_span), axes.size() - 1);
-  }
-  bool agrees(const SurfacePoint& point) const {
-    return std::abs(static_cast<double>(point.distance_m) - radius_m) <= agree_m &&
-           static_cast<double>(point.inward.dot(surfels[point.surfel].inward_normal)) >= kAgreeFacing;
-  }
-};
-
-Look look_along(std::span<const CellSurfel> surfels, const std::vector<SurfacePoint>& points, std::size_t every,
-                const ScanLine& line, double scale_m, const std::vector<ScanStation>& stations) {
-  const double radius_m = line.model.radius_m;
-  const auto count = static_cast<double>(stations.size());
-  return {surfels,
-          points,
-          static_cast<double>(every),
-          radius_m,
-          std::clamp(kAgreeSigmas * scale_m, kAgreeRadii * radius_m, kMostAgreeRadii * radius_m),
-          line.model.spline.spans() / count,
-          count / line.model.spline.spans(),
-          frames_along(line.model.spline, stations)};
-}
 
 /// Where the tube ends, by the surfels of the four stations (2 radii) from `station` on.
 TubeEnd end_at(const Look& look, const Sections& sections, std::size_t station, bool front, double spacing_spans) {
@@ -210,36 +117,6 @@ double length_between(const Spline& spline, double t_begin, double t_end) {
     last_m = point_m;
   }
   return length_m;
-}
-
-/// Sorts the points into the stations, and those that agree into the sections' bins.
-Sections gather(const Look& look, double spacing_m, std::vector<ScanStation>& stations) {
-  const std::size_t count = stations.size();
-  Sections sections;
-  sections.by_place.resize(count);
-  sections.by_normal.resize(count);
-  sections.agreeing.resize(count);
-  sections.places.resize(look.points.size(), kNowhere);
-  const auto half_rad = static_cast<float>(std::min(0.75 * spacing_m / look.radius_m, 0.4));
-  for (std::size_t i = 0; i < look.points.size(); ++i) {
-    const SurfacePoint& point = look.points[i];
-    const std::size_t at = look.station_of(point);
-    const CellSurfel& surfel = look.surfels[point.surfel];
-    const double weight = look.per_point * static_cast<double>(surfel.weight);
-    stations[at].facing += weight;
-    if (!look.agrees(point)) continue;
-    stations[at].agree += weight;
-    stations[at].radius_m += weight * static_cast<double>(point.distance_m);
-    const float place_rad = angle_of(-point.inward, look.axes[at]);
-    sections.by_place[at] |= bins_around(place_rad, half_rad);
-    sections.by_normal[at] |= bins_around(angle_of(-surfel.inward_normal, look.axes[at]), half_rad);
-    sections.places[i] = static_cast<std::uint32_t>(kBins * at) + static_cast<std::uint32_t>(bin_of(place_rad));
-    sections.agreeing[at] += 1.0;
-  }
-  for (ScanStation& station : stations) {
-    if (station.agree > 0.0) station.radius_m /= station.agree;
-  }
-  return sections;
 }
 
 /// The seen stretch: from the first station of the run to its last, to where the surface ends.
