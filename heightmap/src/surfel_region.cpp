@@ -17,15 +17,25 @@ constexpr int kSumsReach_px = 27;
 static_assert(kPlanesReach_px >= kLargestHalf_px && kSumsReach_px > kPlanesReach_px + kLargestHalf_px);
 static_assert(kMargin_px >= kSumsReach_px + kSumBlock_px);
 
+/// Columns of odd rows are searched by so many at once: a tile's, and every vector's length. Where something is
+/// affected up to a tile that is not, what stands beside that in the row above is as it was.
+constexpr int kPiece_px = kTileWidth_px;
+static_assert(kPiece_px == 16 && kBesidePiece_px < kPiece_px);
+/// What is affected begins at even rows, so that of each two both are or neither.
+static_assert(kAffectedRows_px % 2 == 0);
+
 WordArea words_of(const Region& region) {
   return {region.v_begin, region.v_end, (region.u_begin + kMargin_px) / 64, (region.u_end + kMargin_px + 63) / 64};
+}
+
+bool column_less(const FoundSurfel& surfel, int u) {
+  return surfel.u < u;
 }
 
 /// Puts the new surfels of a row in the place of those that its columns had.
 void replace_found(const Part& columns, int v, const BandWork& band, SurfelWork& work) {
   FoundSurfel* row = work.found.get() + static_cast<std::ptrdiff_t>(v) * work.heights.grid.width;
   int& count = work.found_count[static_cast<std::size_t>(v)];
-  const auto column_less = [](const FoundSurfel& surfel, int u) { return surfel.u < u; };
   FoundSurfel* first = std::lower_bound(row, row + count, columns.begin, column_less);
   FoundSurfel* last = std::lower_bound(first, row + count, columns.end, column_less);
   int fresh = 0;
@@ -73,13 +83,40 @@ Part sum_columns(const Region& region, const BandWork& band, int v) {
   return {block(all.begin), block(all.end + kSumBlock_px - 1)};
 }
 
+/// The columns of a row that are searched: of an even one all; of an odd one, by pieces, where the row above has a
+/// surfel in or beside the piece. What curves like a tube does so in both, and most of the image in neither.
+void choose_searched(const Part& columns, int v, const SurfelWork& work, BandWork& band) {
+  const int u_end = (columns.end + kPiece_px - 1) / kPiece_px * kPiece_px;
+  band.searched.clear();
+  if (v % 2 == 0) {
+    band.searched.push_back({columns.begin, u_end});
+    return;
+  }
+  const FoundSurfel* above = work.found.get() + static_cast<std::ptrdiff_t>(v - 1) * work.heights.grid.width;
+  const FoundSurfel* end = above + work.found_count[static_cast<std::size_t>(v - 1)];
+  above = std::lower_bound(above, end, columns.begin - kBesidePiece_px, column_less);
+  while (above < end && above->u < u_end + kBesidePiece_px) {
+    const int first = (above->u - kBesidePiece_px) / kPiece_px * kPiece_px;
+    const int last = (above->u + kBesidePiece_px) / kPiece_px * kPiece_px;
+    const Part pieces{std::max(columns.begin, first), std::min(u_end, last + kPiece_px)};
+    if (!band.searched.empty() && band.searched.back().end >= pieces.begin) {
+      band.searched.back().end = pieces.end;
+    } else {
+      band.searched.push_back(pieces);
+    }
+    above = std::lower_bound(above + 1, end, last + kPiece_px - kBesidePiece_px, column_less);
+  }
+}
+
 /// The surfels of one row, from planes that are there.
 void find_in_row(const SurfelRule& rule, const Part& columns, int v, BandWork& band, SurfelWork& work) {
+  choose_searched(columns, v, work, band);
   std::fill(band.row_found.begin(), band.row_found.end(), std::uint64_t{0});
-  const int u_end = (columns.end + 15) / 16 * 16;
   for (std::size_t size = kWindowSizes; size-- > 0;) {
-    surfels_of_row(rule, band.planes[size], work.rays, work.heights.grid, v, columns.begin, u_end,
-                   band.candidates.data(), band.row_found.data(), band.row_surfels.data());
+    for (const Part& part : band.searched) {
+      surfels_of_row(rule, band.planes[size], work.rays, work.heights.grid, v, part.begin, part.end,
+                     band.candidates.data(), band.row_found.data(), band.row_surfels.data());
+    }
   }
   replace_found(columns, v, band, work);
 }
@@ -140,14 +177,15 @@ std::int64_t work_above(std::span<const Region> regions, int v) {
   return sum;
 }
 
-/// The i-th of `count` bands of some rows, each of about as much work.
+/// The i-th of `count` bands of some rows, each of about as much work. All but the first begin at an even row.
 Part band_of(std::span<const Region> regions, const Part& rows, int i, int count) {
   const std::int64_t before = work_above(regions, rows.begin);
   const std::int64_t all = work_above(regions, rows.end) - before;
   const auto first_row = [&](int band) {
     const auto of = std::views::iota(rows.begin, rows.end);
-    return *std::ranges::partition_point(of,
-                                         [&](int v) { return (work_above(regions, v) - before) * count < all * band; });
+    const int first = *std::ranges::partition_point(
+        of, [&](int v) { return (work_above(regions, v) - before) * count < all * band; });
+    return std::max(rows.begin, first / 2 * 2);
   };
   return {i == 0 ? rows.begin : first_row(i), i + 1 == count ? rows.end : first_row(i + 1)};
 }
@@ -224,6 +262,7 @@ void prepare(const HeightMap& map, int threads, SurfelWork& work) {
     band.spread.resize(grid);
     band.affected.reserve(static_cast<std::size_t>(grid.height));
     band.row_found.assign(static_cast<std::size_t>(grid.words()), 0);
+    band.searched.reserve(static_cast<std::size_t>(grid.stride() / kPiece_px));
     band.candidates.resize(static_cast<std::size_t>(grid.stride()));
     band.row_surfels.resize(static_cast<std::size_t>(grid.stride()));
     start_rings({0, grid.width}, band);
@@ -236,7 +275,9 @@ void prepare(const HeightMap& map, int threads, SurfelWork& work) {
 void find_in_regions(const SurfelRule& rule, const EdgeRule& edge_rule, std::span<const Region> regions,
                      const AffectedTiles& affected, const Part& wanted, SurfelWork& work, Workers& workers) {
   const auto each = [&](int beside_px, const auto& step) {
-    const Part all{std::max(0, wanted.begin - beside_px), std::min(work.heights.grid.height, wanted.end + beside_px)};
+    // The first row that is searched is even.
+    const Part all{std::max(0, wanted.begin / 2 * 2 - beside_px),
+                   std::min(work.heights.grid.height, wanted.end + beside_px)};
     workers.run([&](int i) {
       const Part rows = band_of(regions, all, i, workers.count());
       for (Region region : regions) {

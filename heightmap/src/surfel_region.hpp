@@ -14,6 +14,9 @@ namespace tubetrack {
 /// A surfel is computed from heights up to here: half a window from planes that are half a window away.
 inline constexpr int kSurfelReach_px = 2 * kLargestHalf_px;
 
+/// Whether an odd row is searched depends on surfels of the row above up to so far beside.
+inline constexpr int kBesidePiece_px = 8;
+
 /// Buffers of one thread on the way from heights to surfels.
 struct BandWork {
   SpreadWork spread;
@@ -21,6 +24,7 @@ struct BandWork {
   std::array<PlaneRing, kWindowSizes> planes;
   std::vector<Part> affected;            ///< by row of the region: columns whose surfels are found anew
   std::vector<std::uint64_t> row_found;  ///< of one row: columns with a surfel
+  std::vector<Part> searched;            ///< of one row: columns that are searched
   std::vector<std::int32_t> candidates;  ///< of one row
   std::vector<FoundSurfel> row_surfels;  ///< and it, by column
 };

@@ -10,6 +10,7 @@ namespace {
 
 /// How far a changed cell reaches: its surfels, and an edge between neighbours beside it.
 constexpr int kReach_px = kSurfelReach_px + 1;
+constexpr int kReachAside_px = kReach_px + kBesidePiece_px;
 constexpr int kUnit_px = kAffectedRows_px;
 constexpr int kUnitsPerTile = kTileHeight_px / kUnit_px;
 /// The map is gone through again in blocks, so many across and down, one every few frames.
@@ -105,11 +106,11 @@ void TileLedger::mark_affected(const HeightMap& map, const Heights& heights, int
   const int below = longest_gap(heights, tile.u_begin, tile.v_end, 0, 1, columns);
   // Gaps are looked across along rows and columns only.
   const auto mark_around = [&](int rows_px, std::vector<std::uint8_t>& flags) {
-    mark(
-        {tile.u_begin - kReach_px - left, tile.u_end + kReach_px + right, tile.v_begin - rows_px, tile.v_end + rows_px},
-        flags);
+    mark({tile.u_begin - kReachAside_px - left, tile.u_end + kReachAside_px + right, tile.v_begin - rows_px,
+          tile.v_end + rows_px},
+         flags);
     if (above == 0 && below == 0) return;
-    mark({tile.u_begin - kReach_px, tile.u_end + kReach_px, tile.v_begin - rows_px - above,
+    mark({tile.u_begin - kReachAside_px, tile.u_end + kReachAside_px, tile.v_begin - rows_px - above,
           tile.v_end + rows_px + below},
          flags);
   };

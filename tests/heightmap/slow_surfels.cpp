@@ -200,7 +200,21 @@ std::vector<Surfel> slow_tube_surfels(const HeightMap& map, const NoiseModel& no
   scales.reserve(kWindowHalfSizes_px.size());
   for (const int half : kWindowHalfSizes_px) scales.push_back(slow_window_planes(map, half, distance));
   std::vector<Surfel> surfels;
+  const auto width = static_cast<std::size_t>(map.intrinsics.width);
+  std::vector<bool> has_surfel(map.rays.size(), false);
+  // Odd rows are searched by pieces of 16 columns, where the row above has a surfel up to 8 columns beside.
+  const auto is_searched = [&](std::size_t at) {
+    const std::size_t u = at % width;
+    if (at / width % 2 == 0) return true;
+    const std::size_t row = at - u - width;
+    const std::size_t end = std::min(width, u / 16 * 16 + 24);
+    for (std::size_t col = u / 16 * 16 - (u < 16 ? 0 : 8); col < end; ++col) {
+      if (has_surfel[row + col]) return true;
+    }
+    return false;
+  };
   for (std::size_t at = 0; at < map.rays.size(); ++at) {
+    if (!is_searched(at)) continue;
     for (std::size_t scale = scales.size(); scale-- > 0;) {
       const WindowPlane& plane = scales[scale][at];
       if (plane.angle_sigma_rad <= 0.0) continue;
@@ -222,6 +236,7 @@ std::vector<Surfel> slow_tube_surfels(const HeightMap& map, const NoiseModel& no
       surfel.radius_max_m = static_cast<float>(std::min(high, options.radius_max_m));
       surfel.cell = static_cast<std::uint32_t>(at);
       surfels.push_back(surfel);
+      has_surfel[at] = true;
       break;
     }
   }

@@ -181,7 +181,7 @@ TEST(SurfelFinder, InSomeRowsFindsBitForBitWhatItFindsThereInAll) {
   options.widest_strip_px = 16.0;
   SurfelFinder in_rows;
   Workers three(3);
-  const std::array<Part, 6> turns{{{0, 120}, {120, 240}, {60, 180}, {60, 180}, {7, 8}, {200, 1000}}};
+  const std::array<Part, 7> turns{{{0, 120}, {120, 240}, {60, 180}, {60, 180}, {7, 8}, {61, 179}, {200, 1000}}};
   for (std::size_t frame = 0; frame < 2 * turns.size(); ++frame) {
     // Near enough for narrow strips, and so that what an earlier frame left beside the rows is of other places.
     stream.shift_m.y() = 0.01 * static_cast<double>(frame);

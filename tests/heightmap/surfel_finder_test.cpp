@@ -46,5 +46,30 @@ TEST(SurfelFinder, FindsWhatTheSlowOneFinds) {
   }
 }
 
+// Odd rows are searched where the row above has a surfel nearby.
+TEST(SurfelFinder, FindsInOddRowsWhatGoesOnFromTheRowAbove) {
+  Stream stream;
+  HeightMap map = make_height_map(kStreamCamera);
+  update(map, stream.next(), {}, {}, true);
+  std::vector<int> columns_above;
+  std::size_t even = 0, odd = 0, row_above = 0;
+  for (const Surfel& surfel : tube_surfels(map, {}, {})) {
+    const std::size_t v = surfel.cell / 320;
+    const int u = static_cast<int>(surfel.cell % 320);
+    if (v % 2 == 0) {
+      ++even;
+      if (v != row_above) columns_above.clear();
+      row_above = v;
+      columns_above.push_back(u);
+    } else {
+      ++odd;
+      EXPECT_EQ(v, row_above + 1);
+      EXPECT_TRUE(std::ranges::any_of(columns_above, [&](int above) { return std::abs(above - u) < 24; }));
+    }
+  }
+  EXPECT_GT(even, 1000U);
+  EXPECT_NEAR(static_cast<double>(odd), static_cast<double>(even), 0.03 * static_cast<double>(even));
+}
+
 }  // namespace
 }  // namespace tubetrack

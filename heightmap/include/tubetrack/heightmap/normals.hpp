@@ -34,7 +34,8 @@ inline constexpr std::array<int, 3> kWindowHalfSizes_px{3, 6, 10};
 
 /// Finds the surfels of everything curved like a tube of the wanted radii: each cell with the largest window that
 /// stays on one side of depth edges, gated on convex curvature over its σ, with the band of radii that this curvature
-/// allows. Keeps its buffers, and what did not change, from frame to frame of one map.
+/// allows. Of odd rows those 16 columns at a time above which there is one, or up to 8 columns beside. Keeps its
+/// buffers, and what did not change, from frame to frame of one map.
 class SurfelFinder {
  public:
   SurfelFinder();
