@@ -160,23 +160,19 @@ void TileLedger::choose_due(const HeightMap& map, int row, const Heights& height
   }
 }
 
-/// Of the tiles that are due because they changed, those above the row that parts them in half, or those from there on.
-/// What was put off before is taken now.
+/// Of the tiles that are due because they changed, row by row, the first half or the second. What was put off before is
+/// taken now.
 void TileLedger::put_off_half(const HeightMap& map) {
   const auto is_changed = [&](std::size_t tile) { return taken_[tile] && map.tile_changed_in[tile] > taken_in_[tile]; };
   int count = 0;
   for (std::size_t tile = 0; tile < taken_.size(); ++tile) count += is_changed(tile) ? 1 : 0;
   int so_far = 0;
   first_half_is_next_ = !first_half_is_next_;
-  for (int row = 0; row < rows_; ++row) {
-    const bool waits = (2 * so_far < count) != first_half_is_next_;
-    for (int column = 0; column < columns_; ++column) {
-      const auto tile = static_cast<std::size_t>(row * columns_ + column);
-      const bool changed = is_changed(tile);
-      so_far += changed ? 1 : 0;
-      put_off_[tile] = changed && waits && !put_off_[tile] ? 1 : 0;
-      if (put_off_[tile]) taken_[tile] = 0;
-    }
+  for (std::size_t tile = 0; tile < taken_.size(); ++tile) {
+    const bool waits = is_changed(tile) && (2 * so_far < count) != first_half_is_next_;
+    so_far += is_changed(tile) ? 1 : 0;
+    put_off_[tile] = waits && !put_off_[tile] ? 1 : 0;
+    if (put_off_[tile]) taken_[tile] = 0;
   }
 }
 

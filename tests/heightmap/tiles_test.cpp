@@ -131,6 +131,21 @@ TEST(Tiles, InTurnsEachHalfOfWhatChangesIsTakenInEverySecondCall) {
   }
 }
 
+TEST(Tiles, InTurnsARowOfTilesIsHalvedToo) {
+  TileAndLedger tiles(64, 16);
+  for (int frame = 1; frame <= 4; ++frame) {
+    std::vector<std::int32_t> before;
+    for (int column = 0; column < 4; ++column) before.push_back(tiles.height_at(static_cast<std::size_t>(16 * column)));
+    std::fill(tiles.pixels.begin(), tiles.pixels.end(), static_cast<std::uint16_t>(8000 - 300 * frame));
+    ASSERT_TRUE(tiles.see(true));
+    for (int column = 0; column < 4; ++column) {
+      const bool taken =
+          tiles.height_at(static_cast<std::size_t>(16 * column)) != before[static_cast<std::size_t>(column)];
+      EXPECT_EQ(taken, (column < 2) == (frame % 2 == 1)) << frame << ' ' << column;
+    }
+  }
+}
+
 TEST(Tiles, WhatWasPutOffIsTakenInTheNextCallThoughNothingChangesAnyMore) {
   TileAndLedger tiles(32, 64);
   std::fill(tiles.pixels.begin(), tiles.pixels.end(), std::uint16_t{7000});
