@@ -155,8 +155,9 @@ void TileLedger::gather_regions(const HeightMap& map) {
 }
 
 void TileLedger::choose_due(const HeightMap& map, int row, const Heights& heights) {
+  const std::size_t row_start = static_cast<std::size_t>(row) * static_cast<std::size_t>(columns_);
   for (int column = 0; column < columns_; ++column) {
-    taken_[static_cast<std::size_t>(row * columns_ + column)] = due(map, row, column, heights) ? 1 : 0;
+    taken_[row_start + static_cast<std::size_t>(column)] = due(map, row, column, heights) ? 1 : 0;
   }
 }
 
