@@ -20,8 +20,7 @@ struct TrackOptions {
 };
 
 /// Flags about what is tracked: --radius, --radius-range, --varying-radius, --config, --threads, --noise,
-/// --depth-range,
-/// --roi, --print-config.
+/// --depth-range, --roi, --print-config.
 void add_tracker_flags(CLI::App& command, TrackOptions& options);
 /// --deadline-ms.
 void add_deadline_flag(CLI::App& command, TrackOptions& options);

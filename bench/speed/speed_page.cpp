@@ -37,8 +37,8 @@ constexpr const char* kNextFactor =
 - **still**: a third is to read the frame in, which memory bounds more than arithmetic (leaving stores out and reading
   ahead changed nothing), half to predict, choose and fit the tube's pixels. Next: fit a tube that is at rest to every
   second row and column, as its place is pooled over frames anyway.
-- **moving tube**: a third is surfels, though of the tiles that changed half are looked at in a frame, a third to
-  follow the tube, a fifth to read the frame in. Next: fewer cells, by marking columns 8 px apart in place of 16; no
+- **moving tube**: nearly half is surfels, though of the tiles that changed half are looked at in a frame, a quarter to
+  follow the tube, a sixth to read the frame in. Next: fewer cells, by marking columns 8 px apart in place of 16; no
   surfels where a known tube explains all; the first placing with every other row.
 - **moving camera**: all is new in every frame, so two fifths of the rows are searched in one. Next: records that move
   with the poses, so that only what comes into view is new.
